@@ -1,0 +1,104 @@
+"""Checks at the border: every array and number that comes from outside passes through here once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+
+def finite_array(name: str, value: ArrayLike) -> Array:
+    """Return a read-only float64 copy of ``value``, or say what about it is not a finite array."""
+    try:
+        raw = np.asarray(value)
+        if raw.dtype.kind not in "iufb":
+            raise TypeError(f"holds {raw.dtype} values")
+        array = np.array(raw, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(name, f"must be an array of real numbers ({error})") from error
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        index = np.unravel_index(bad[0], array.shape)
+        where = f" at index {', '.join(str(int(i)) for i in index)}" if array.ndim else ""
+        raise InvalidArgumentError(name, f"must be finite, but is {array[index]}{where}")
+    array.flags.writeable = False
+    return array
+
+
+def vector(name: str, value: ArrayLike, size: int) -> Array:
+    """Return ``value`` as a finite read-only vector of length ``size``."""
+    array = finite_array(name, value)
+    if array.shape != (size,):
+        raise InvalidArgumentError(name, f"must have shape ({size},), but has shape {array.shape}")
+    return array
+
+
+def matrix(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a scalar, a vector (a diagonal) or a square matrix as a finite (size, size) matrix."""
+    array = finite_array(name, value)
+    if array.shape == ():
+        array = array * np.eye(size)
+    elif array.shape == (size,):
+        array = np.diag(array)
+    if array.shape != (size, size):
+        raise InvalidArgumentError(
+            name,
+            f"must be a scalar, a vector of length {size} or a ({size}, {size}) matrix, but has shape {array.shape}",
+        )
+    array.flags.writeable = False
+    return array
+
+
+def gain(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a gain as a symmetric positive-definite (size, size) matrix."""
+    array = matrix(name, value, size)
+    if np.abs(array - array.T).max() > 1e-12 * np.abs(array).max():
+        raise InvalidArgumentError(name, "must be symmetric")
+    smallest = float(np.linalg.eigvalsh(array)[0])
+    if smallest <= 0.0:
+        raise InvalidArgumentError(name, f"must be positive definite, but its smallest eigenvalue is {smallest:g}")
+    return array
+
+
+def number(
+    name: str, value: float, *, minimum: float = -math.inf, exclusive: bool = False, maximum: float = math.inf
+) -> float:
+    """Return ``value`` as a finite float inside its bounds."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(name, f"must be a number, but is {value!r}") from error
+    if not math.isfinite(result):
+        raise InvalidArgumentError(name, f"must be finite, but is {result}")
+    if result < minimum or (exclusive and result == minimum):
+        raise InvalidArgumentError(name, f"must be {'>' if exclusive else '>='} {minimum:g}, but is {result:g}")
+    if result > maximum:
+        raise InvalidArgumentError(name, f"must be <= {maximum:g}, but is {result:g}")
+    return result
+
+
+def positive(name: str, value: float) -> float:
+    """Return ``value`` as a finite float > 0."""
+    return number(name, value, minimum=0.0, exclusive=True)
+
+
+def count(name: str, value: int, *, minimum: int = 1) -> int:
+    """Return ``value`` as an integer not below ``minimum``."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < minimum:
+        raise InvalidArgumentError(name, f"must be an integer >= {minimum}, but is {value!r}")
+    return int(value)
+
+
+def choice(kind: str, value: Any, options: Iterable[str]) -> str:
+    """Return ``value`` when it is one of ``options``, else list them."""
+    known = list(options)
+    if value not in known:
+        raise UnknownNameError(kind, str(value), known)
+    return str(value)

@@ -1,0 +1,1 @@
+"""What can be proved and computed about a closed loop."""

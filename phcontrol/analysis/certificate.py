@@ -1,0 +1,208 @@
+"""Numerical proof that a controller's closed loop is the port-Hamiltonian system it claims."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array, count
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import Measured
+
+MATCHING_TOLERANCE = 1e-6
+"""On the matching and gradient residuals: finite differences of fourth order leave about 1e-10."""
+STRUCTURE_TOLERANCE = 1e-9
+"""On skewness and semidefiniteness, relative to the size of the matrix: rounding leaves about 1e-15."""
+
+_STEP = 2e-4  # of the finite differences [s]; made shorter where the arm moves fast
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was found at random states. ``passed`` when every figure is inside its tolerance.
+
+    All residuals are relative: divided by the largest entry at the same state, at least by 1.
+    """
+
+    controller: str
+    robot: str
+    interconnection: str
+    samples: int
+    seed: int
+    matching_residual: float
+    """Largest |ẋ − ((J_d − R_d)∇H_d + port f_e)|, ẋ by finite differences along the true vector field."""
+    gradient_residual: float
+    """Largest |Ḣ_d − ∇H_dᵀẋ|, both by finite differences: is ∇H_d the gradient of the storage function?"""
+    skewness: float
+    """Largest |J_d + J_dᵀ|."""
+    smallest_dissipation: float
+    """Smallest eigenvalue of R_d, divided by its largest."""
+    largest_storage_rate: float
+    """Largest Ḣ_d with no external force, divided by the power that flows, should be ≤ 0."""
+
+    @property
+    def matching_passed(self) -> bool:
+        """Whether the closed loop is the promised one."""
+        return max(self.matching_residual, self.gradient_residual) <= MATCHING_TOLERANCE
+
+    @property
+    def structure_passed(self) -> bool:
+        """Whether the promised system is port-Hamiltonian: J_d skew, R_d ⪰ 0."""
+        return self.skewness <= STRUCTURE_TOLERANCE and self.smallest_dissipation >= -STRUCTURE_TOLERANCE
+
+    @property
+    def storage_passed(self) -> bool:
+        """Whether the storage function never grew without an external force."""
+        return self.largest_storage_rate <= MATCHING_TOLERANCE
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything passed."""
+        return self.matching_passed and self.structure_passed and self.storage_passed
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return figures, tolerances and verdict, for JSON. What is not finite becomes None."""
+        figures = {key: _finite_or_none(value) for key, value in asdict(self).items()}
+        tolerances = {"matching_tolerance": MATCHING_TOLERANCE, "structure_tolerance": STRUCTURE_TOLERANCE}
+        return figures | tolerances | {"passed": self.passed}
+
+    def __str__(self) -> str:
+        def row(label: str, value: float, relation: str, bound: float, good: bool) -> str:
+            return f"  {label:<34}{value:>11.2e}  {relation} {bound:<8.0e} {'ok' if good else 'FAILED'}"
+
+        return "\n".join(
+            [
+                f"certificate of {self.controller} ({self.interconnection}) on {self.robot}: "
+                f"{'PASSED' if self.passed else 'FAILED'} at {self.samples} states",
+                row("matching residual", self.matching_residual, "<=", MATCHING_TOLERANCE,
+                    self.matching_residual <= MATCHING_TOLERANCE),
+                row("gradient residual", self.gradient_residual, "<=", MATCHING_TOLERANCE,
+                    self.gradient_residual <= MATCHING_TOLERANCE),
+                row("skewness of J_d", self.skewness, "<=", STRUCTURE_TOLERANCE,
+                    self.skewness <= STRUCTURE_TOLERANCE),
+                row("smallest eigenvalue of R_d", self.smallest_dissipation, ">=", -STRUCTURE_TOLERANCE,
+                    self.smallest_dissipation >= -STRUCTURE_TOLERANCE),
+                row("largest storage rate, f_e = 0", self.largest_storage_rate, "<=", MATCHING_TOLERANCE,
+                    self.storage_passed),
+            ]
+        )  # fmt: skip
+
+
+def certify(
+    controller: Controller,
+    system: MechanicalSystem | None = None,
+    *,
+    samples: int = 50,
+    seed: int = 0,
+) -> Certificate:
+    """Check a controller's promise at random states of a plant.
+
+    At each state (q inside the joint limits; velocities [rad/s], controller states, time and external
+    forces drawn at random) the plant's true vector field is computed by forward dynamics under the law's
+    torque, the rate of the target's coordinates is taken along it by finite differences, and compared
+    with (J_d − R_d)∇H_d + port·f_e. Nothing that the law computed is reused.
+
+    Args:
+        controller: the law; its own ``system`` is the model it computes with.
+        system: the plant, by default the controller's own model. With another plant the certificate
+            says what the law promises there, and fails by how much the model is wrong.
+        samples: number of states.
+        seed: of the random numbers.
+    """
+    count("samples", samples)
+    plant = controller.system if system is None else system
+    generator = np.random.default_rng(seed)
+    worst = np.full(5, -np.inf)
+    for _ in range(samples):
+        worst = np.fmax(worst, _check_state(controller, plant, generator))
+    return Certificate(
+        controller=controller.name,
+        robot=plant.robot.name,
+        interconnection=controller.interconnection,
+        samples=samples,
+        seed=seed,
+        matching_residual=float(worst[0]),
+        gradient_residual=float(worst[1]),
+        skewness=float(worst[2]),
+        smallest_dissipation=float(-worst[3]),
+        largest_storage_rate=float(worst[4]),
+    )
+
+
+def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.random.Generator) -> Array:
+    """Return the five figures at one random state; semidefiniteness with its sign changed."""
+    n = plant.n
+    position, velocity = plant.robot.random_position(generator), generator.normal(size=n)
+    state = controller.random_state(generator)
+    time, force = float(generator.uniform(0.0, 10.0)), generator.normal(scale=5.0, size=n)
+    flow = _Flow(controller, plant, time, position, velocity, state, force)
+    target = controller.target(time, flow.model_state(0.0), state, Measured(external_force=force))
+    promised, actual = target.rate(force), flow.derivative(flow.coordinates)
+    scale = max(1.0, float(np.abs(actual).max()))
+    matching = float(np.abs(actual - promised).max()) / scale
+
+    storage_rate = float(flow.derivative(flow.storage))
+    products = target.gradient * actual
+    power = max(1.0, float(np.abs(products).sum()))
+    gradient = abs(storage_rate - float(products.sum())) / power
+
+    size = max(1.0, float(np.abs(target.interconnection).max()))
+    skewness = float(np.abs(target.interconnection + target.interconnection.T).max()) / size
+    asymmetry = float(np.abs(target.dissipation - target.dissipation.T).max())
+    values = np.linalg.eigvalsh(target.dissipation)
+    indefiniteness = max(-float(values[0]), asymmetry) / max(1e-300, float(np.abs(values).max()))
+
+    free = _Flow(controller, plant, time, position, velocity, state, np.zeros(n))
+    free_power = max(1.0, float(np.abs(target.gradient * free.derivative(free.coordinates)).sum()))
+    growth = float(free.derivative(free.storage)) / free_power
+    figures = np.array([matching, gradient, skewness, indefiniteness, growth])
+    return np.where(np.isnan(figures), np.inf, figures)
+
+
+class _Flow:
+    """The plant's straight-line flow from one state, whose derivative at 0 is that of the closed loop."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        plant: MechanicalSystem,
+        time: float,
+        position: Array,
+        velocity: Array,
+        state: Array,
+        force: Array,
+    ) -> None:
+        self.controller, self.time, self.state = controller, time, state
+        self.position, self.velocity = position, velocity
+        self.measured = Measured(external_force=force)
+        command = controller.evaluate(time, controller.system.at(position, velocity), state, self.measured)
+        self.state_rate = command.state_rate
+        self.acceleration = plant.at(position, velocity).acceleration(command.torque, force)
+
+    def model_state(self, shift: float) -> Any:
+        """Return the controller's view of the plant ``shift`` seconds along the flow."""
+        return self.controller.system.at(
+            self.position + shift * self.velocity, self.velocity + shift * self.acceleration
+        )
+
+    def coordinates(self, shift: float) -> Array:
+        state = self.state + shift * self.state_rate
+        return self.controller.coordinates(self.time + shift, self.model_state(shift), state, self.measured)
+
+    def storage(self, shift: float) -> float:
+        state = self.state + shift * self.state_rate
+        return self.controller.storage(self.time + shift, self.model_state(shift), state, self.measured)
+
+    def derivative(self, function: Any) -> Any:
+        """Return the rate of a function along the flow by central differences of fourth order."""
+        step = _STEP / max(1.0, float(np.abs(self.velocity).max()))
+        near = function(step) - function(-step)
+        far = function(2.0 * step) - function(-2.0 * step)
+        return (8.0 * near - far) / (12.0 * step)
+
+
+def _finite_or_none(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value

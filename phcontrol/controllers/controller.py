@@ -1,0 +1,223 @@
+"""The base of all laws: the contract, the gains, and the one matching formula."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array, choice, vector
+from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
+from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+
+EMPTY: Array = np.zeros(0)
+EMPTY.flags.writeable = False
+
+Law = TypeVar("Law", bound="Controller")
+
+
+class Command(NamedTuple):
+    """What a controller orders: a torque and the rate of its own state."""
+
+    torque: Array
+    """u, shape (n,) [N·m]."""
+    state_rate: Array
+    """Rate of the controller's state, same shape as the state."""
+
+
+class Shaping(NamedTuple):
+    """What a law states; the matching formula makes the torque of it.
+
+    The adapted momentum is p̂ = p̄ + θ with θ = Tᵀs + ϑ, and the wished dynamics are
+    p̂̇ = (J̄₂ − D̄)(p̄ + Tᵀs) + T⁻¹ effort + T⁻¹(f_e − cancelled_force).
+    """
+
+    effort: Array
+    """T times the rest of F★, shape (n,) [N·m]."""
+    velocity: Array | None = None
+    """s, shape (n,) [rad/s]; None for zero."""
+    acceleration: Array | None = None
+    """ṡ along the closed loop, shape (n,) [rad/s²]; goes with ``velocity``."""
+    offset_rate: Array | None = None
+    """ϑ̇, shape (n,); None for zero."""
+    cancelled_force: Array | None = None
+    """The measured part of f_e that the law cancels, shape (n,) [N·m]; None for nothing."""
+    state_rate: Array = EMPTY
+    """Rate of the controller's own state."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """The port-Hamiltonian system that a law promises: ẋ = (J − R)∇H_d + port·f_e, at one state."""
+
+    coordinates: Array
+    """x, for instance (q̃, p̂, z)."""
+    interconnection: Array
+    """J_d, skew-symmetric."""
+    dissipation: Array
+    """R_d, symmetric positive semidefinite."""
+    gradient: Array
+    """∇H_d with respect to x."""
+    port: Array
+    """How f_e enters, shape (len(x), n)."""
+
+    def rate(self, external_force: Array) -> Array:
+        """Return ẋ as promised, under an external force [N·m]."""
+        rate: Array = (self.interconnection - self.dissipation) @ self.gradient + self.port @ external_force
+        return rate
+
+
+class Controller(ABC):
+    """A law of energy-based control. Stateless: gains are fixed and checked when it is made.
+
+    ``system`` is the model that the law computes with; the plant it is tried on may be another.
+    A law states its :class:`Shaping`; the torque follows from it for every law alike,
+
+        u = G⁻¹T[F★ − θ̇ + T⁻¹∂V/∂q − (J̄₂ − D̄)p̄ − T⁻¹f_known],
+
+    in which terms that cancel are never computed: for ``interconnection="coriolis"`` it reads
+    u = G⁻¹[∂V/∂q − M ṡ − C s − D s − T ϑ̇ + effort − f_known], for "canonical" (the thesis's J̄₂)
+    C s is replaced by T(Ṫᵀs) − T J̄₂Tᵀs.
+
+    Laws with s = 0 give the same torque for both, since both J̄₂ agree on p̄; their targets differ.
+    """
+
+    name: ClassVar[str]
+    """The law's name on the command line."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Fields of Measured that the law cannot do without."""
+
+    def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
+        if not isinstance(system, MechanicalSystem):
+            raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+        self.system = system
+        self.interconnection = choice("interconnection", interconnection, INTERCONNECTIONS)
+        self._canonical = self.interconnection == "canonical"
+
+    # --- what a law states ----------------------------------------------------------------------
+
+    @abstractmethod
+    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
+        """Return what the law states at time t [s]; see :class:`Shaping`."""
+
+    @abstractmethod
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return the storage function H_d [J]."""
+
+    @abstractmethod
+    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return the coordinates x that the target system is written in."""
+
+    @abstractmethod
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the promised closed loop at one state."""
+
+    @property
+    def state_size(self) -> int:
+        """Length of the controller's own state."""
+        return 0
+
+    @classmethod
+    @abstractmethod
+    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
+        """Return gains that suit a robot, scaled by its inertia at the goal."""
+
+    # --- what every law does alike --------------------------------------------------------------
+
+    def initial_state(self, x: MechanicalState) -> Array:
+        """Return the controller's state to start with: zero."""
+        return np.zeros(self.state_size)
+
+    def random_state(self, generator: np.random.Generator) -> Array:
+        """Draw a controller state, for checks at random states."""
+        return generator.normal(size=self.state_size)
+
+    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
+        """Return torque and state rate at time t [s]. Pure: same arguments, same command.
+
+        Raises MissingMeasurementError when a needed measurement is None, NonFiniteTorqueError
+        instead of ever returning a torque that is not finite.
+        """
+        law = self.shape(t, x, state, measured)
+        force = x.potential_gradient + law.effort
+        if law.velocity is not None:
+            force -= self._motion(x, law)
+        if law.offset_rate is not None:
+            force -= x.factor.dot(law.offset_rate)
+        if law.cancelled_force is not None:
+            force -= law.cancelled_force
+        torque = force if self.system.input_matrix is None else self._solve_input(force)
+        if not math.isfinite(torque.dot(torque)) and not np.isfinite(torque).all():
+            raise NonFiniteTorqueError(
+                self.name, t, torque=torque, position=x.position, velocity=x.velocity, controller_state=state
+            )
+        return Command(torque, law.state_rate)
+
+    def _motion(self, x: MechanicalState, law: Shaping) -> Array:
+        """Return M ṡ + C s + D s, with C s as the chosen J̄₂ has it [N·m]."""
+        s = law.velocity
+        assert s is not None and law.acceleration is not None
+        force: Array = x.mass_matrix.dot(law.acceleration)
+        if self._canonical:
+            momentum = s.dot(x.factor)
+            force += x.factor.dot(s.dot(x.factor_rate) - x.canonical_interconnection.dot(momentum))
+        else:
+            force += x.coriolis_matrix.dot(s)
+        if x.damping is not None:
+            force += x.damping * s
+        return force
+
+    def _solve_input(self, force: Array) -> Array:
+        solution: Array = lapack.dgetrs(*self.system.input_factors, force)[0]
+        return solution
+
+    def _measurement(self, measured: Measured, name: str) -> Array:
+        value: Array | None = getattr(measured, name)
+        if value is None:
+            raise MissingMeasurementError(self.name, name)
+        return value
+
+    def _injected_damping(self, x: MechanicalState, damping: Array) -> Array:
+        """Return D̄ + ḠCḠᵀ, shape (n, n)."""
+        result: Array = x.transformed_damping + x.transformed_input @ damping @ x.transformed_input.T
+        return result
+
+    @classmethod
+    def tuned(
+        cls: type[Law],
+        system: MechanicalSystem,
+        goal: ArrayLike | None = None,
+        *,
+        interconnection: str = "coriolis",
+        **options: Any,
+    ) -> Law:
+        """Make the law with gains that suit the robot; ``options`` replaces any of them by name.
+
+        Without a goal the robot's home is used. Raises UnknownNameError for a misspelt option.
+        """
+        position = system.robot.home if goal is None else vector("goal", goal, system.n)
+        known = [name for name in inspect.signature(cls).parameters if name not in ("system", "interconnection")]
+        for name in options:
+            if name not in known:
+                raise UnknownNameError("option", name, known, f" of {cls.name}")
+        gains = cls.default_gains(system, position) | options
+        return cls(system, interconnection=interconnection, **gains)
+
+
+def inertia_scaled_gains(
+    system: MechanicalSystem, goal: Array, frequency: float = 6.0, damping_ratio: float = 1.0
+) -> tuple[Array, Array]:
+    """Return stiffness ω²diag(M) [N·m/rad] and damping 2ζω diag(M) [N·m·s/rad] at a goal.
+
+    Without friction and coupling each joint then swings to its goal with ω [rad/s] and damping ratio ζ.
+    """
+    inertia = np.diag(system.at(goal).mass_matrix)
+    return frequency**2 * inertia, 2.0 * damping_ratio * frequency * inertia

@@ -1,0 +1,58 @@
+"""Every law by name. Property tests and ``phcontrol certify --controller all`` run over this table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import choice
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.mechanics.system import MechanicalSystem
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A law, or a variant of it that deserves its own certificate."""
+
+    law: type[Controller]
+    summary: str
+    source: str
+    needs: str = "q, q̇"
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+CONTROLLERS: dict[str, Entry] = {
+    "energy_shaping": Entry(
+        EnergyShaping, "holds a position: spring and damper in place of the arm's potential", "thesis section 3.2.1, A = 0"
+    ),
+    "force_feedback": Entry(
+        ForceFeedback, "holds a position with feedback of the modeled forces", "Theorem 3.2.1, errata E8 to E11"
+    ),
+    "force_feedback_measured": Entry(
+        ForceFeedback,
+        "the same with the measured external force in its feedback",
+        "Theorem 3.2.1 and (3.40), errata E12",
+        "q, q̇, external force",
+        {"measured": True},
+    ),
+}
+
+
+def make_controller(
+    name: str,
+    system: MechanicalSystem,
+    goal: ArrayLike | None = None,
+    *,
+    interconnection: str = "coriolis",
+    **options: Any,
+) -> Controller:
+    """Make a law by its name with gains that suit the robot; ``options`` replaces any of them.
+
+    Raises UnknownNameError for an unknown law or option, listing those that exist.
+    """
+    entry = CONTROLLERS[choice("controller", name, CONTROLLERS)]
+    return entry.law.tuned(system, goal, interconnection=interconnection, **(entry.options | options))

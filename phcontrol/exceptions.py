@@ -1,0 +1,73 @@
+"""The errors of phcontrol: one root, a few children, each with the evidence it was raised on."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from phcontrol.simulation.log import Log
+
+
+class PHControlError(Exception):
+    """Root of every error that phcontrol raises on purpose."""
+
+
+class InvalidArgumentError(PHControlError, ValueError):
+    """An argument is out of its domain. The message names it, what was wrong, and what would be right."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(f"{name}: {problem}")
+        self.name = name
+
+
+class UnknownNameError(PHControlError, LookupError):
+    """A robot, joint, frame, controller or option of that name does not exist. Lists those that do."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
+        self.kind, self.name, self.known = kind, name, sorted(known)
+        close = difflib.get_close_matches(name, self.known, n=1)
+        hint = f" Did you mean '{close[0]}'?" if close else ""
+        listing = ", ".join(self.known) or "none"
+        super().__init__(f"unknown {kind} '{name}'{where}.{hint} Known: {listing}.")
+
+
+class RobotDescriptionError(PHControlError):
+    """A robot description cannot be read, or describes something that is not a fixed-base arm."""
+
+
+class MissingMeasurementError(PHControlError):
+    """A controller needs a measurement that it was not given."""
+
+    def __init__(self, controller: str, measurement: str) -> None:
+        super().__init__(
+            f"{controller} needs the measurement '{measurement}': "
+            f"pass it as Measured({measurement}=...), or let simulate() provide it"
+        )
+        self.controller, self.measurement = controller, measurement
+
+
+class NonFiniteTorqueError(PHControlError):
+    """A law gave a torque that is not finite; it is not handed out. Carries time, state and torque."""
+
+    def __init__(self, controller: str, time: float, **evidence: object) -> None:
+        values = "; ".join(f"{key} = {value}" for key, value in evidence.items())
+        super().__init__(f"{controller} gave a torque that is not finite at t = {time:g} s ({values})")
+        self.time, self.evidence = time, evidence
+
+
+class SimulationError(PHControlError):
+    """A simulation could not go on. ``log`` holds everything up to the last good step."""
+
+    def __init__(self, message: str, log: Log) -> None:
+        super().__init__(message)
+        self.log = log
+
+
+class SimulationInterrupted(SimulationError, KeyboardInterrupt):
+    """The user stopped a simulation. ``log`` holds everything up to that moment."""
+
+
+class DataFileError(PHControlError):
+    """A file of phcontrol cannot be read or written."""

@@ -1,0 +1,96 @@
+"""Joint friction: a diagonal damping matrix D(q̇) = diag(dᵢ(q̇ᵢ)), friction torque D q̇."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, finite_array, positive, vector
+from phcontrol.exceptions import InvalidArgumentError
+
+
+class Friction(Protocol):
+    """What a system needs of a friction model."""
+
+    def coefficients(self, velocity: Array) -> Array:
+        """Return dᵢ(q̇ᵢ) ≥ 0, shape (n,) [N·m·s/rad]."""
+        ...
+
+
+class StribeckFriction:
+    """Viscous, Coulomb and static friction with the Stribeck effect and a smoothed sign.
+
+        dᵢ(q̇) = (F_c + (F_s − F_c) exp(−|q̇|/q̇_s)) / sqrt(α_f + q̇²) + F_v
+
+    The friction torque is d(q̇)·q̇ (thesis (2.14) and (5.53), corrected: errata E3).
+
+    Args:
+        viscous: F_v [N·m·s/rad], one for all joints or one each.
+        coulomb: F_c [N·m].
+        static: F_s [N·m], not below ``coulomb``; by default equal to it (no Stribeck effect).
+        stribeck_velocity: q̇_s [rad/s].
+        smoothing: α_f [rad²/s²]; the smaller, the steeper the friction torque around rest.
+    """
+
+    def __init__(
+        self,
+        *,
+        viscous: ArrayLike = 0.0,
+        coulomb: ArrayLike = 0.0,
+        static: ArrayLike | None = None,
+        stribeck_velocity: ArrayLike = 0.1,
+        smoothing: float = 1e-3,
+    ) -> None:
+        self.viscous = _not_negative("viscous", viscous)
+        self.coulomb = _not_negative("coulomb", coulomb)
+        self.static = self.coulomb if static is None else _not_negative("static", static)
+        self.stribeck_velocity = finite_array("stribeck_velocity", stribeck_velocity)
+        self.smoothing = positive("smoothing", smoothing)
+        if (self.static < self.coulomb).any():
+            raise InvalidArgumentError("static", "must not be below coulomb")
+        if (self.stribeck_velocity <= 0.0).any():
+            raise InvalidArgumentError("stribeck_velocity", "must be > 0")
+        self._excess = self.static - self.coulomb
+        self._has_stribeck = bool(self._excess.any())
+        self._is_viscous = not (self.coulomb.any() or self._has_stribeck)
+        self._negative_rate = -1.0 / self.stribeck_velocity
+
+    def coefficients(self, velocity: Array) -> Array:
+        """Return dᵢ(q̇ᵢ), shape (n,) [N·m·s/rad]."""
+        if self._is_viscous:
+            return np.broadcast_to(self.viscous, velocity.shape)
+        dry = self.coulomb
+        if self._has_stribeck:
+            dry = dry + self._excess * np.exp(np.abs(velocity) * self._negative_rate)
+        slope = np.sqrt(velocity * velocity + self.smoothing)
+        coefficients: Array = dry / slope + self.viscous
+        return coefficients
+
+    def scaled(self, factor: float) -> StribeckFriction:
+        """Return this friction with all its torques times ``factor``: a model that is wrong by that much."""
+        return StribeckFriction(
+            viscous=factor * self.viscous,
+            coulomb=factor * self.coulomb,
+            static=factor * self.static,
+            stribeck_velocity=self.stribeck_velocity,
+            smoothing=self.smoothing,
+        )
+
+
+def _not_negative(name: str, value: ArrayLike) -> Array:
+    array = finite_array(name, value)
+    if array.ndim > 1:
+        raise InvalidArgumentError(name, f"must be a scalar or a vector, but has shape {array.shape}")
+    if (array < 0.0).any():
+        raise InvalidArgumentError(name, f"must be >= 0, but is {array}")
+    return array
+
+
+def check_size(friction: StribeckFriction, size: int) -> None:
+    """Raise InvalidArgumentError unless every parameter is a scalar or has one entry a joint."""
+    for name in ("viscous", "coulomb", "static", "stribeck_velocity"):
+        value = getattr(friction, name)
+        if value.ndim:
+            vector(f"friction.{name}", value, size)

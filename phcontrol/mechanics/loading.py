@@ -1,0 +1,367 @@
+"""Finding and reading robot descriptions: shipped arms, any URDF file, any arm of example-robot-data."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import number
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, UnknownNameError
+from phcontrol.mechanics.friction import StribeckFriction
+from phcontrol.mechanics.potentials import GripperSpring
+from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DRY_FRICTION_SMOOTHING = 1e-3
+"""α_f [rad²/s²] used with the dry friction of a URDF, which has no such number."""
+
+_UNBOUNDED = "1e6"  # stands for an absent limit in the text given to the URDF parser, which refuses "inf"
+
+
+def load_robot(
+    source: str | os.PathLike[str],
+    *,
+    locked_joints: Sequence[str] | Mapping[str, float] = (),
+    armature: ArrayLike | None = None,
+    package_directories: Sequence[str | os.PathLike[str]] = (),
+) -> Robot:
+    """Load a fixed-base arm.
+
+    Args:
+        source: a robot shipped with phcontrol ("pera"), a path to a URDF file, or a name of
+            example-robot-data ("panda", "ur5").
+        locked_joints: names of joints to hold fixed at their home angle, or angles [rad] by name.
+        armature: reflected rotor inertia [kg m²], one for all joints or one each; part of M(q)
+            everywhere. By default what the robot's description gives.
+        package_directories: where ``package://`` names of meshes are looked for (visualization only).
+
+    Raises:
+        UnknownNameError: no robot or joint of that name; lists those that exist.
+        RobotDescriptionError: unreadable or broken file, floating base, or a mass matrix that is not
+            positive definite.
+    """
+    description = _find(source)
+    description.package_directories += tuple(Path(directory) for directory in package_directories)
+    robot = _build(description, locked_joints)
+    if armature is not None:
+        robot = _with_armature(robot, armature)
+    robot.check_inertia()
+    return robot
+
+
+def shipped_robots() -> dict[str, str]:
+    """Return the robots that come with phcontrol: title by name."""
+    return {name: entry["title"] for name, entry in _table().items()}
+
+
+def example_robots() -> dict[str, bool]:
+    """Return the names of example-robot-data, and for each whether it has a floating base."""
+    return {name: bool(loader.free_flyer) for name, loader in _example_loaders().items()}
+
+
+@dataclass
+class _Description:
+    """Where a robot's URDF is, and what is known of it beside that."""
+
+    name: str
+    path: Path
+    extras: dict[str, Any] = field(default_factory=dict)
+    semantic_path: Path | None = None
+    reference_posture: str | None = None
+    has_rotor_parameters: bool = False
+    package_directories: tuple[Path, ...] = ()
+
+
+def _find(source: str | os.PathLike[str]) -> _Description:
+    name = os.fspath(source)
+    is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
+    if is_path:
+        path = Path(name)
+        if path.suffix == ".xacro":
+            raise RobotDescriptionError(f"{path}: xacro files must be expanded to URDF first (xacro in.xacro > out.urdf)")
+        if not path.is_file():
+            raise RobotDescriptionError(f"{path}: no such file")
+        return _Description(path.stem, path, package_directories=(path.parent,))
+    if name in _table():
+        return _Description(name, _urdf_directory() / f"{name}.urdf", extras=_table()[name])
+    loaders = _example_loaders()
+    if name not in loaders:
+        raise UnknownNameError("robot", name, [*_table(), *loaders], "; a path to a URDF file works too")
+    return _find_example(name, loaders[name])
+
+
+def _find_example(name: str, loader: Any) -> _Description:
+    from example_robot_data.robots_loader import getModelPath
+
+    if loader.free_flyer:
+        raise RobotDescriptionError(f"{name}: has a floating base; phcontrol controls fixed-base arms")
+    if not loader.urdf_filename:
+        raise RobotDescriptionError(f"{name}: is described by SDF, not URDF")
+    relative = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
+    root = Path(getModelPath(str(relative)))
+    semantic = root / loader.path / loader.srdf_subpath / loader.srdf_filename if loader.srdf_filename else None
+    return _Description(
+        name,
+        root / relative,
+        semantic_path=semantic if semantic and semantic.is_file() else None,
+        reference_posture=loader.ref_posture,
+        has_rotor_parameters=loader.has_rotor_parameters,
+        package_directories=(root.parent.parent, root),
+    )
+
+
+@cache
+def _example_loaders() -> dict[str, Any]:
+    from example_robot_data.robots_loader import ROBOTS
+
+    return dict(ROBOTS)
+
+
+@cache
+def _urdf_directory() -> Path:
+    package = Path(__file__).parents[1]
+    for directory in (package / "urdf", package.parent / "urdf"):
+        if (directory / "robots.toml").is_file():
+            return directory
+    raise RobotDescriptionError("the urdf folder of phcontrol is missing: reinstall the package")
+
+
+@cache
+def _table() -> dict[str, Any]:
+    return tomllib.loads((_urdf_directory() / "robots.toml").read_text(encoding="utf-8"))
+
+
+def _build(description: _Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
+    root = _parse(description.path)
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint") if joint.get("type") != "fixed"}
+    continuous = _make_continuous_revolute(joints)
+    text = ET.tostring(root, encoding="unicode")
+    try:
+        model = pin.buildModelFromXML(text)
+    except Exception as error:  # urdfdom and Pinocchio raise several kinds
+        raise RobotDescriptionError(f"{description.path}: not a valid URDF: {error}") from error
+    if model.nv == 0:
+        raise RobotDescriptionError(f"{description.path}: has no moving joint")
+    _read_rotor_parameters(model, description)
+    home = _home(model, description)
+    mimics = {name: _mimic(joint) for name, joint in joints.items() if joint.find("mimic") is not None}
+    locked = _locked_angles(description.name, locked_joints, mimics, list(model.names)[1:], home)
+    if len(locked) == model.njoints - 1:
+        raise InvalidArgumentError("locked_joints", "must leave at least one joint free")
+    if locked:
+        angles = dict(zip(list(model.names)[1:], home, strict=True)) | locked
+        home = np.array([angles[name] for name in list(model.names)[1:]])
+        model = pin.buildReducedModel(model, [model.getJointId(name) for name in locked], home)
+        home = np.array([angles[name] for name in list(model.names)[1:]])
+    return _assemble(description, model, joints, home, continuous, mimics, locked, text)
+
+
+def _parse(path: Path) -> ET.Element:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RobotDescriptionError(f"{path}: cannot be read: {error}") from error
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise RobotDescriptionError(f"{path}: has a document type declaration, which a URDF never needs; refused")
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, ValueError) as error:
+        raise RobotDescriptionError(f"{path}: not well-formed XML: {error}") from error
+    if root.tag != "robot":
+        raise RobotDescriptionError(f"{path}: not a URDF: the root element is <{root.tag}>, not <robot>")
+    for joint in root.findall("joint"):
+        kind = joint.get("type")
+        if kind in ("floating", "planar"):
+            raise RobotDescriptionError(
+                f"{path}: joint '{joint.get('name')}' is {kind}; phcontrol controls fixed-base arms of revolute, "
+                "continuous and prismatic joints"
+            )
+    return root
+
+
+def _make_continuous_revolute(joints: dict[str, ET.Element]) -> set[str]:
+    """Turn continuous joints into revolute ones without limits, so that each is one angle (n = nq = nv)."""
+    names = set()
+    for name, joint in joints.items():
+        if joint.get("type") == "continuous":
+            names.add(name)
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+            limit.set("lower", f"-{_UNBOUNDED}")
+            limit.set("upper", _UNBOUNDED)
+    return names
+
+
+def _read_rotor_parameters(model: pin.Model, description: _Description) -> None:
+    if description.semantic_path is None:
+        return
+    path = str(description.semantic_path)
+    if description.has_rotor_parameters:
+        pin.loadRotorParameters(model, path, False)
+        model.armature = np.asarray(model.rotorInertia) * np.square(np.asarray(model.rotorGearRatio))
+
+
+def _home(model: pin.Model, description: _Description) -> np.ndarray:
+    """Zero, moved inside the limits; where an SRDF gives the reference posture, that one."""
+    home = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
+    if description.semantic_path is None or description.reference_posture is None:
+        return home
+    names = list(model.names)[1:]
+    for state in _parse(description.semantic_path).iter("group_state"):
+        if state.get("name") != description.reference_posture:
+            continue
+        for joint in state.iter("joint"):
+            values = [float(value) for value in joint.get("value", "0").split()]
+            if joint.get("name") in names:  # a continuous joint may be given by its cosine and sine
+                angle = math.atan2(values[1], values[0]) if len(values) == 2 else values[0]
+                home[names.index(joint.get("name", ""))] = angle
+    return home
+
+
+def _mimic(joint: ET.Element) -> tuple[str, float, float]:
+    element = joint.find("mimic")
+    assert element is not None
+    return element.get("joint", ""), float(element.get("multiplier", 1.0)), float(element.get("offset", 0.0))
+
+
+def _locked_angles(
+    robot: str,
+    locked_joints: Sequence[str] | Mapping[str, float],
+    mimics: dict[str, tuple[str, float, float]],
+    names: list[str],
+    home: np.ndarray,
+) -> dict[str, float]:
+    if isinstance(locked_joints, str):
+        raise InvalidArgumentError("locked_joints", f"must be a list of joint names, but is the string '{locked_joints}'")
+    check_joint_names(list(locked_joints), names, robot)
+    angles = dict(zip(names, home, strict=True))
+    if isinstance(locked_joints, Mapping):
+        locked = {name: number(f"locked_joints['{name}']", value) for name, value in locked_joints.items()}
+    else:
+        locked = {name: float(angles[name]) for name in locked_joints}
+    changed = True
+    while changed:  # what follows a locked joint is locked too
+        followers = {
+            name: multiplier * locked[leader] + offset
+            for name, (leader, multiplier, offset) in mimics.items()
+            if leader in locked and name not in locked
+        }
+        locked |= followers
+        changed = bool(followers)
+    return locked
+
+
+def _coupling(
+    names: list[str], mimics: dict[str, tuple[str, float, float]], robot: str
+) -> tuple[list[str], Coupling | None]:
+    followers = {name: mimics[name] for name in names if name in mimics}
+    independent = [name for name in names if name not in followers]
+    if not followers:
+        return independent, None
+    matrix, offset = np.zeros((len(names), len(independent))), np.zeros(len(names))
+    for row, name in enumerate(names):
+        gain, shift, seen = 1.0, 0.0, [name]
+        while seen[-1] in followers:  # a follower may follow a follower
+            leader, multiplier, constant = followers[seen[-1]]
+            gain, shift = gain * multiplier, shift + gain * constant
+            if leader in seen or leader not in names:
+                raise RobotDescriptionError(f"{robot}: joint '{seen[-1]}' mimics '{leader}', which is no joint it can follow")
+            seen.append(leader)
+        matrix[row, independent.index(seen[-1])] = gain
+        offset[row] = shift
+    return independent, Coupling(matrix, offset)
+
+
+def _assemble(
+    description: _Description,
+    model: pin.Model,
+    joints: dict[str, ET.Element],
+    home: np.ndarray,
+    continuous: set[str],
+    mimics: dict[str, tuple[str, float, float]],
+    locked: dict[str, float],
+    text: str,
+) -> Robot:
+    all_names = list(model.names)[1:]
+    names, coupling = _coupling(all_names, mimics, description.name)
+    index = [all_names.index(name) for name in names]
+    turning = np.array([name in continuous for name in names])
+    extras = description.extras
+    friction = _friction([joints[name] for name in names], extras)
+    spring = extras.get("spring")
+    robot = Robot(
+        name=description.name,
+        model=model,
+        joint_names=tuple(names),
+        home=np.array(extras["home"]) if "home" in extras and not locked else home[index],
+        lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
+        upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
+        velocity_limit=_limit_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
+        effort_limit=_limit_or_infinite(np.asarray(model.upperEffortLimit)[index]),
+        continuous=turning,
+        prismatic=tuple(joints[name].get("type") == "prismatic" for name in names),
+        friction=friction,
+        potentials=(GripperSpring(**spring),) if spring else (),
+        tool_frame=extras.get("tool_frame"),
+        camera_frame=extras.get("camera_frame"),
+        coupling=coupling,
+        description=text,
+        path=description.path,
+        package_directories=description.package_directories,
+        locked_joints=locked,
+    )
+    for array in (robot.home, robot.lower, robot.upper, robot.velocity_limit, robot.effort_limit):
+        array.flags.writeable = False
+    return robot
+
+
+def _limit_or_infinite(values: np.ndarray) -> np.ndarray:
+    """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
+    return np.where(values > 0.0, values, np.inf)
+
+
+def _friction(joints: list[ET.Element], extras: dict[str, Any]) -> StribeckFriction | None:
+    def read(key: str) -> list[float]:
+        elements = [joint.find("dynamics") for joint in joints]
+        return [0.0 if element is None else float(element.get(key, 0.0)) for element in elements]
+
+    viscous, coulomb = read("damping"), read("friction")
+    static = extras.get("static", coulomb)
+    if not (any(viscous) or any(coulomb) or any(static)):
+        return None
+    return StribeckFriction(
+        viscous=viscous,
+        coulomb=coulomb,
+        static=static if len(static) == len(joints) else coulomb,
+        stribeck_velocity=extras.get("stribeck_velocity", [0.1] * len(joints)),
+        smoothing=extras.get("friction_smoothing", DRY_FRICTION_SMOOTHING),
+    )
+
+
+def _with_armature(robot: Robot, armature: ArrayLike) -> Robot:
+    values = np.broadcast_to(np.asarray(armature, dtype=float), (robot.n,)) if np.ndim(armature) == 0 else np.asarray(armature, float)
+    if values.shape != (robot.n,) or not np.isfinite(values).all() or (values < 0.0).any():
+        raise InvalidArgumentError("armature", f"must be one or {robot.n} finite values >= 0 [kg m²], but is {armature}")
+    model = robot.model.copy()
+    names = list(model.names)[1:]
+    full = np.zeros(model.nv)
+    full[[names.index(name) for name in robot.joint_names]] = values
+    model.armature = full
+    return replace(robot, model=model)

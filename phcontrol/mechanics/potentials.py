@@ -1,0 +1,76 @@
+"""Potential energies beside gravity: springs of the mechanism itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from phcontrol._validation import Array, finite_array, positive
+
+
+class Potential(Protocol):
+    """What a system needs of an extra potential V(q)."""
+
+    def energy(self, position: Array) -> float:
+        """Return V(q) [J]."""
+        ...
+
+    def gradient(self, position: Array) -> Array:
+        """Return ∂V/∂q, shape (n,) [N·m]."""
+        ...
+
+
+class GripperSpring:
+    """The PERA gripper's spring: one stiffness closing, another opening, with a smooth transition.
+
+    With x = q − c_g and r = sqrt(a_f + x²):
+
+        K_g(q) = ½(k₁ + k₂) − ½(k₁ − k₂) x/r                       (2.17), corrected: errata E4
+        V(q)   = ¼(k₁ + k₂)x² − ¼(k₁ − k₂)(x r − a_f ln((x + r)/√a_f))    (2.18), corrected: errata E5
+
+    so that ∂V/∂q = K_g(q) x and V(c_g) = 0: k₁ acts where the gripper closes beyond rest (q ≤ c_g).
+
+    Args:
+        closing_stiffness: k_g1 [N·m/rad].
+        opening_stiffness: k_g2 [N·m/rad].
+        rest_angle: c_g [rad].
+        smoothing: a_f [rad²].
+    """
+
+    def __init__(
+        self,
+        *,
+        closing_stiffness: float,
+        opening_stiffness: float,
+        rest_angle: float,
+        smoothing: float,
+    ) -> None:
+        self.closing_stiffness = positive("closing_stiffness", closing_stiffness)
+        self.opening_stiffness = positive("opening_stiffness", opening_stiffness)
+        self.rest_angle = float(finite_array("rest_angle", rest_angle))
+        self.smoothing = positive("smoothing", smoothing)
+        self._mean = 0.5 * (self.closing_stiffness + self.opening_stiffness)
+        self._half_difference = 0.5 * (self.closing_stiffness - self.opening_stiffness)
+
+    def stiffness(self, position: Array) -> Array:
+        """Return K_g(q), elementwise [N·m/rad]."""
+        offset = position - self.rest_angle
+        stiffness: Array = self._mean - self._half_difference * offset / np.sqrt(self.smoothing + offset * offset)
+        return stiffness
+
+    def energy(self, position: Array) -> float:
+        """Return V(q) [J]."""
+        total = 0.0
+        for offset in np.asarray(position - self.rest_angle).ravel().tolist():
+            root = math.sqrt(self.smoothing + offset * offset)
+            logarithm = math.asinh(offset / math.sqrt(self.smoothing))
+            total += 0.5 * self._mean * offset**2
+            total -= 0.5 * self._half_difference * (offset * root - self.smoothing * logarithm)
+        return total
+
+    def gradient(self, position: Array) -> Array:
+        """Return ∂V/∂q = K_g(q)(q − c_g), shape (n,) [N·m]."""
+        gradient: Array = self.stiffness(position) * (position - self.rest_angle)
+        return gradient

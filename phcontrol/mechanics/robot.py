@@ -1,0 +1,163 @@
+"""A robot arm: a Pinocchio model and what a URDF cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, vector
+from phcontrol.exceptions import RobotDescriptionError, UnknownNameError
+from phcontrol.mechanics.friction import Friction
+from phcontrol.mechanics.potentials import Potential
+
+REFERENCES = {
+    "local": pin.ReferenceFrame.LOCAL,
+    "world": pin.ReferenceFrame.WORLD,
+    "local_world_aligned": pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+}
+"""Frames of reference of a Jacobian: axes and origin of the frame itself ("local"), of the world
+("world", the origin there too), or the frame's origin with the axes of the world."""
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Mimic joints: all joint angles of the model are ``matrix @ q + offset``, with q the independent ones.
+
+    Since the map is affine, the dynamics in q are exactly M = EᵀM_full E, C = EᵀC_full E, g = Eᵀg_full.
+    """
+
+    matrix: Array
+    offset: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A fixed-base arm of n independent joints, each revolute, continuous or prismatic.
+
+    ``position`` vectors hold n joint angles [rad] (or lengths [m]) in the order of ``joint_names``; a
+    continuous joint is one angle too, and errors in it are wrapped to (-π, π]. ``model`` is the
+    Pinocchio model; it has more coordinates than n only where mimic joints follow others
+    (``coupling``). Make one with :func:`phcontrol.load_robot`.
+    """
+
+    name: str
+    model: pin.Model
+    joint_names: tuple[str, ...]
+    home: Array
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    effort_limit: Array
+    continuous: Array
+    prismatic: tuple[bool, ...] = ()
+    friction: Friction | None = None
+    potentials: tuple[Potential, ...] = ()
+    tool_frame: str | None = None
+    camera_frame: str | None = None
+    coupling: Coupling | None = None
+    description: str = ""
+    path: Path | None = None
+    package_directories: tuple[Path, ...] = ()
+    locked_joints: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of independent joints (degrees of freedom)."""
+        return len(self.joint_names)
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {self.n} joints>"
+
+    def joint_index(self, name: str) -> int:
+        """Return the index of a joint by name. Raises UnknownNameError, listing the joints."""
+        if name not in self.joint_names:
+            raise UnknownNameError("joint", name, self.joint_names, f" of {self.name}")
+        return self.joint_names.index(name)
+
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's index of a frame (a link's name). Raises UnknownNameError, listing the frames."""
+        for index, frame in enumerate(self.model.frames):
+            if frame.name == name:
+                return index
+        raise UnknownNameError("frame", name, self.frame_names, f" of {self.name}")
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Names of the links and fixed frames."""
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        return tuple(frame.name for frame in self.model.frames if frame.type in kinds)
+
+    def position(self, joints: dict[str, float] | ArrayLike) -> Array:
+        """Return a position vector from an array, or from angles by joint name (others at home)."""
+        if not isinstance(joints, dict):
+            return vector("position", joints, self.n)
+        position = np.array(self.home)
+        for name, value in joints.items():
+            position[self.joint_index(name)] = value
+        return vector("position", position, self.n)
+
+    def full_position(self, position: Array) -> Array:
+        """Return all joint angles of ``model`` at n independent ones (the same, without mimic joints)."""
+        if self.coupling is None:
+            return position
+        return self.coupling.matrix.dot(position) + self.coupling.offset
+
+    def placement(self, frame: str, position: ArrayLike) -> pin.SE3:
+        """Return the pose of a frame in the world at a position."""
+        data = self.model.createData()
+        full = self.full_position(vector("position", position, self.n))
+        pin.framesForwardKinematics(self.model, data, full)
+        return data.oMf[self.frame_id(frame)].copy()
+
+    def random_position(self, generator: np.random.Generator, margin: float = 0.0) -> Array:
+        """Draw a position uniformly inside the joint limits, at least ``margin`` (a fraction) away from them.
+
+        Where a joint has no limits, or more than a full turn of them, one turn about its zero is used
+        (one metre for a prismatic joint).
+        """
+        reach = np.where(np.array(self.prismatic or [False] * self.n), 0.5, np.pi)
+        wide = (self.upper - self.lower) > 2.0 * reach
+        low, high = np.where(wide, -reach, self.lower), np.where(wide, reach, self.upper)
+        width = high - low
+        return generator.uniform(low + margin * width, high - margin * width)
+
+    def check_inertia(self, samples: int = 8) -> None:
+        """Raise RobotDescriptionError unless masses and M(q) at sampled positions are positive definite."""
+        model, data = self.model, self.model.createData()
+        for joint in range(1, model.njoints):
+            inertia = model.inertias[joint]
+            values = np.concatenate([[inertia.mass], inertia.lever, inertia.inertia.ravel()])
+            if not np.isfinite(values).all():
+                raise RobotDescriptionError(f"{self.name}: mass or inertia behind joint '{model.names[joint]}' is not finite")
+            moments = np.linalg.eigvalsh(inertia.inertia)
+            if inertia.mass < 0.0 or moments[0] < -1e-9 * max(1.0, moments[-1]):
+                raise RobotDescriptionError(
+                    f"{self.name}: the link moved by joint '{model.names[joint]}' has mass {inertia.mass:g} kg and "
+                    f"principal moments of inertia {moments} kg m²; none may be negative"
+                )
+        generator = np.random.default_rng(0)
+        for sample in range(samples):
+            position = self.home if sample == 0 else self.random_position(generator)
+            mass_matrix = pin.crba(model, data, self.full_position(position))
+            if self.coupling is not None:
+                mass_matrix = self.coupling.matrix.T @ mass_matrix @ self.coupling.matrix
+            values, directions = np.linalg.eigh(mass_matrix)
+            if not values[0] > 1e-12 * max(values[-1], 1e-6):
+                joint = self.joint_names[int(np.argmax(np.abs(directions[:, 0])))]
+                raise RobotDescriptionError(
+                    f"{self.name}: the mass matrix is not positive definite (smallest eigenvalue {values[0]:.3g}): "
+                    f"what moves with joint '{joint}' has no mass or inertia. Give that link an <inertial> element, "
+                    f"or lock the joint with locked_joints=['{joint}']"
+                )
+
+
+def check_joint_names(names: Sequence[str], known: Sequence[str], robot: str) -> None:
+    """Raise UnknownNameError for the first of ``names`` that is not a joint of the robot."""
+    for name in names:
+        if name not in known:
+            raise UnknownNameError("joint", name, known, f" of {robot}")

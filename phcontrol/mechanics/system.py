@@ -1,0 +1,106 @@
+"""The plant: a robot with its friction, potentials and input matrix."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array, matrix, vector
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.derivatives import lower_half
+from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
+from phcontrol.mechanics.potentials import Potential
+from phcontrol.mechanics.robot import Robot
+from phcontrol.mechanics.state import MechanicalState
+
+_FLOAT = np.dtype(np.float64)
+
+
+class MechanicalSystem:
+    """The plant M(q)q̈ + C(q,q̇)q̇ + D(q̇)q̇ + ∂V/∂q = G u + f_e, thesis (2.2) with errata E2.
+
+    In port-Hamiltonian form: p = M q̇, H = ½pᵀM⁻¹p + V(q), output y = Gᵀq̇. The external force f_e
+    [N·m] acts on the joints (B = I): a wrench F at a frame enters as 𝒥ᵀF (2.5).
+
+    Args:
+        robot: the arm.
+        friction: a friction model, None for a frictionless arm, or "robot" for what the robot's
+            description gives.
+        potentials: potentials in addition to gravity and to those of the robot itself (its springs).
+        input_matrix: G, (n, n) and invertible; the identity if not given.
+        gravity: acceleration of gravity in the world frame [m/s²].
+
+    One system serves one thread: states made by it share a workspace.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        friction: Friction | Literal["robot"] | None = "robot",
+        potentials: Sequence[Potential] = (),
+        input_matrix: ArrayLike | None = None,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+    ) -> None:
+        if not isinstance(robot, Robot):
+            raise InvalidArgumentError("robot", f"must be a Robot (see load_robot), but is {type(robot).__name__}")
+        self.robot = robot
+        self.n = robot.n
+        if isinstance(friction, str) and friction != "robot":
+            raise InvalidArgumentError("friction", f"must be a friction model, None or 'robot', but is '{friction}'")
+        self.friction: Friction | None = robot.friction if friction == "robot" else friction  # type: ignore[assignment]
+        if isinstance(self.friction, StribeckFriction):
+            check_size(self.friction, self.n)
+        self.potentials: tuple[Potential, ...] = (*robot.potentials, *potentials)
+        self.input_matrix: Array | None = None
+        if input_matrix is not None:
+            self.input_matrix = matrix("input_matrix", input_matrix, self.n)
+            if np.linalg.cond(self.input_matrix) > 1e12:
+                raise InvalidArgumentError("input_matrix", "must be invertible")
+            self.input_factors = lapack.dgetrf(self.input_matrix)[:2]
+        self.model: pin.Model = robot.model.copy()
+        self.model.gravity.linear = np.array(vector("gravity", gravity, 3))
+        self.data: pin.Data = self.model.createData()
+        self.coupling = robot.coupling
+        self.has_continuous_joints = bool(robot.continuous.any())
+        self.lower_half_mask: Array = lower_half(np.ones((self.n, self.n)))
+        self._shape = (self.n,)
+        self._frame_ids: dict[str, int] = {}
+
+    def __repr__(self) -> str:
+        return f"<MechanicalSystem {self.robot.name}: {self.n} joints>"
+
+    def at(self, position: ArrayLike, velocity: ArrayLike | None = None) -> MechanicalState:
+        """Return the state at q [rad] and q̇ [rad/s] (0 if not given); both are copied.
+
+        Raises InvalidArgumentError when one has a wrong length or is not finite.
+        """
+        if velocity is None:
+            velocity = np.zeros(self.n)
+        if (
+            type(position) is not np.ndarray
+            or type(velocity) is not np.ndarray
+            or position.dtype is not _FLOAT
+            or velocity.dtype is not _FLOAT
+            or position.shape != self._shape
+            or velocity.shape != self._shape
+            # NaN or infinity in either makes the product so; an overflow is sorted out by `vector`
+            or not math.isfinite(position.dot(velocity))
+        ):
+            return MechanicalState(
+                self, vector("position", position, self.n), vector("velocity", velocity, self.n)
+            )
+        return MechanicalState(self, position.copy(), velocity.copy())
+
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's index of a frame. Raises UnknownNameError, listing the frames."""
+        index = self._frame_ids.get(name)
+        if index is None:
+            index = self._frame_ids[name] = self.robot.frame_id(name)
+        return index
