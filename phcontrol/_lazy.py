@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar, overload
 Value = TypeVar("Value")
 
 
-class lazy(Generic[Value]):
+class lazy(Generic[Value]):  # noqa: N801 - reads as a decorator
     """``functools.cached_property`` without the lock that Python 3.10 and 3.11 put around it.
 
     The value goes into the instance's ``__dict__``, so that later reads cost a plain attribute look-up.

@@ -65,7 +65,7 @@ class SimulationError(PHControlError):
         self.log = log
 
 
-class SimulationInterrupted(SimulationError, KeyboardInterrupt):
+class SimulationInterrupted(SimulationError, KeyboardInterrupt):  # noqa: N818 - it is no error
     """The user stopped a simulation. ``log`` holds everything up to that moment."""
 
 

@@ -164,15 +164,17 @@ class Controller(ABC):
     def _motion(self, x: MechanicalState, law: Shaping) -> Array:
         """Return M ṡ + C s + D s, with C s as the chosen J̄₂ has it [N·m]."""
         s = law.velocity
-        assert s is not None and law.acceleration is not None
+        assert s is not None
+        assert law.acceleration is not None
         force: Array = x.mass_matrix.dot(law.acceleration)
         if self._canonical:
             momentum = s.dot(x.factor)
             force += x.factor.dot(s.dot(x.factor_rate) - x.canonical_interconnection.dot(momentum))
         else:
             force += x.coriolis_matrix.dot(s)
-        if x.damping is not None:
-            force += x.damping * s
+        damping = x.damping
+        if damping is not None:
+            force += damping * s
         return force
 
     def _solve_input(self, force: Array) -> Array:
@@ -212,12 +214,15 @@ class Controller(ABC):
         return cls(system, interconnection=interconnection, **gains)
 
 
-def inertia_scaled_gains(
-    system: MechanicalSystem, goal: Array, frequency: float = 6.0, damping_ratio: float = 1.0
-) -> tuple[Array, Array]:
-    """Return stiffness ω²diag(M) [N·m/rad] and damping 2ζω diag(M) [N·m·s/rad] at a goal.
+def inertia_scaled_gains(system: MechanicalSystem, goal: Array, frequency: float = 4.0) -> tuple[Array, Array]:
+    """Return stiffness [N·m/rad] and damping [N·m·s/rad], one each joint, that suit a robot at a goal.
 
-    Without friction and coupling each joint then swings to its goal with ω [rad/s] and damping ratio ζ.
+    K_p = max(ω²M_ii, 0.8 dᵢ(0)) and C = 2 sqrt(K_p M_ii): critically damped at ω [rad/s] or faster, and
+    stiff enough that the friction around rest leaves a time constant of about a second.
     """
-    inertia = np.diag(system.at(goal).mass_matrix)
-    return frequency**2 * inertia, 2.0 * damping_ratio * frequency * inertia
+    x = system.at(goal)
+    inertia = np.diag(x.mass_matrix)
+    stiffness = frequency**2 * inertia
+    if x.damping is not None:
+        stiffness = np.maximum(stiffness, 0.8 * x.damping)
+    return stiffness, 2.0 * np.sqrt(stiffness * inertia)

@@ -52,7 +52,7 @@ class EnergyShaping(Controller):
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return goal, stiffness and damping: critically damped at 6 rad/s."""
+        """Return goal, stiffness and damping: critically damped at 4 rad/s or faster."""
         stiffness, damping = inertia_scaled_gains(system, goal)
         return {"goal": goal, "stiffness": stiffness, "damping": damping}
 
@@ -61,7 +61,7 @@ class EnergyShaping(Controller):
         injected = self.damping.dot(x.output)
         if self.system.input_matrix is not None:
             injected = self.system.input_matrix.dot(injected)
-        return Shaping(-self.stiffness.dot(x.position_error(self.goal)) - injected)
+        return Shaping(self.stiffness.dot(-x.position_error(self.goal)) - injected)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½q̇ᵀM q̇ + ½q̃ᵀK_p q̃ [J]."""

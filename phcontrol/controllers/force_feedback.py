@@ -68,12 +68,13 @@ class ForceFeedback(Controller):
         if not isinstance(measured, bool):
             raise InvalidArgumentError("measured", f"must be True or False, but is {measured!r}")
         self.measured = measured
+        self._negative_coupling = -self.coupling
         self._port = self.coupling @ self.force_gain  # Y
         self._storage_gain = np.linalg.inv(self.force_gain)  # K_z⁻¹, once
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return critically damped gains at 6 rad/s, and A K_z Aᵀ = ½."""
+        """Return gains critically damped at 4 rad/s or faster, and A K_z Aᵀ = ½."""
         stiffness, damping = inertia_scaled_gains(system, goal)
         return {"goal": goal, "stiffness": stiffness, "damping": damping, "coupling": 0.5, "force_gain": 2.0}
 
@@ -84,21 +85,23 @@ class ForceFeedback(Controller):
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A z, the rate of z, and the effort −K_p q̃ − G C ŷ."""
-        spring = -self.stiffness.dot(x.position_error(self.goal))
+        spring = self.stiffness.dot(-x.position_error(self.goal))
         driving = spring + self._measurement(measured, "external_force") if self.measured else spring
-        state_rate = (x.solve_factor(driving) + x.motion_force).dot(self._port)
+        state_rate = x.transformed_rate(driving).dot(self._port)
         output = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
         input_matrix = self.system.input_matrix
         if input_matrix is None:
             injected = self.damping.dot(output)
         else:
             injected = input_matrix.dot(self.damping.dot(input_matrix.T.dot(output)))
-        return Shaping(spring - injected, offset_rate=-self.coupling.dot(state_rate), state_rate=state_rate)
+        return Shaping(spring - injected, offset_rate=self._negative_coupling.dot(state_rate), state_rate=state_rate)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + ½q̃ᵀK_p q̃ + ½zᵀK_z⁻¹z [J]."""
         error, momentum = x.position_error(self.goal), self._adapted_momentum(x, state)
-        energy = momentum.dot(momentum) + error.dot(self.stiffness.dot(error)) + state.dot(self._storage_gain.dot(state))
+        energy = (
+            momentum.dot(momentum) + error.dot(self.stiffness.dot(error)) + state.dot(self._storage_gain.dot(state))
+        )
         return float(0.5 * energy)
 
     def _adapted_momentum(self, x: MechanicalState, state: Array) -> Array:

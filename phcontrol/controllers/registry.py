@@ -27,7 +27,9 @@ class Entry:
 
 CONTROLLERS: dict[str, Entry] = {
     "energy_shaping": Entry(
-        EnergyShaping, "holds a position: spring and damper in place of the arm's potential", "thesis section 3.2.1, A = 0"
+        EnergyShaping,
+        "holds a position: spring and damper in place of the arm's potential",
+        "thesis section 3.2.1, A = 0",
     ),
     "force_feedback": Entry(
         ForceFeedback, "holds a position with feedback of the modeled forces", "Theorem 3.2.1, errata E8 to E11"

@@ -50,6 +50,21 @@ def factor_derivative(factor: Array, mass_matrix_derivative: Array) -> Array:
     return result
 
 
+def frame_jacobian_rate(
+    model: pin.Model,
+    data: pin.Data,
+    position: Array,
+    velocity: Array,
+    frame_id: int,
+    reference: pin.ReferenceFrame,
+) -> Array:
+    """Return 𝒥̇ along a velocity, shape (6, n), rows (linear, angular)."""
+    pin.computeJointJacobiansTimeVariation(model, data, position, velocity)
+    pin.updateFramePlacement(model, data, frame_id)
+    rate: Array = pin.getFrameJacobianTimeVariation(model, data, frame_id, reference)
+    return rate
+
+
 def frame_jacobian_derivative(
     model: pin.Model, data: pin.Data, position: Array, frame_id: int, reference: pin.ReferenceFrame
 ) -> Array:

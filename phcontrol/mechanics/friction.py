@@ -60,12 +60,15 @@ class StribeckFriction:
     def coefficients(self, velocity: Array) -> Array:
         """Return dᵢ(q̇ᵢ), shape (n,) [N·m·s/rad]."""
         if self._is_viscous:
-            return np.broadcast_to(self.viscous, velocity.shape)
+            return self.viscous if self.viscous.ndim else np.broadcast_to(self.viscous, velocity.shape)
         dry = self.coulomb
         if self._has_stribeck:
             dry = dry + self._excess * np.exp(np.abs(velocity) * self._negative_rate)
-        slope = np.sqrt(velocity * velocity + self.smoothing)
-        coefficients: Array = dry / slope + self.viscous
+        coefficients: Array = velocity * velocity
+        coefficients += self.smoothing
+        np.sqrt(coefficients, coefficients)
+        np.divide(dry, coefficients, coefficients)
+        coefficients += self.viscous
         return coefficients
 
     def scaled(self, factor: float) -> StribeckFriction:

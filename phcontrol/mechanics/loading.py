@@ -1,13 +1,11 @@
-"""Finding and reading robot descriptions: shipped arms, any URDF file, any arm of example-robot-data."""
+"""Building a robot from its URDF."""
 
 from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -16,16 +14,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import number
-from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, UnknownNameError
+from phcontrol._validation import Array, number, vector
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
+from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 DRY_FRICTION_SMOOTHING = 1e-3
 """α_f [rad²/s²] used with the dry friction of a URDF, which has no such number."""
@@ -55,7 +49,7 @@ def load_robot(
         RobotDescriptionError: unreadable or broken file, floating base, or a mass matrix that is not
             positive definite.
     """
-    description = _find(source)
+    description = find(source)
     description.package_directories += tuple(Path(directory) for directory in package_directories)
     robot = _build(description, locked_joints)
     if armature is not None:
@@ -64,89 +58,7 @@ def load_robot(
     return robot
 
 
-def shipped_robots() -> dict[str, str]:
-    """Return the robots that come with phcontrol: title by name."""
-    return {name: entry["title"] for name, entry in _table().items()}
-
-
-def example_robots() -> dict[str, bool]:
-    """Return the names of example-robot-data, and for each whether it has a floating base."""
-    return {name: bool(loader.free_flyer) for name, loader in _example_loaders().items()}
-
-
-@dataclass
-class _Description:
-    """Where a robot's URDF is, and what is known of it beside that."""
-
-    name: str
-    path: Path
-    extras: dict[str, Any] = field(default_factory=dict)
-    semantic_path: Path | None = None
-    reference_posture: str | None = None
-    has_rotor_parameters: bool = False
-    package_directories: tuple[Path, ...] = ()
-
-
-def _find(source: str | os.PathLike[str]) -> _Description:
-    name = os.fspath(source)
-    is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
-    if is_path:
-        path = Path(name)
-        if path.suffix == ".xacro":
-            raise RobotDescriptionError(f"{path}: xacro files must be expanded to URDF first (xacro in.xacro > out.urdf)")
-        if not path.is_file():
-            raise RobotDescriptionError(f"{path}: no such file")
-        return _Description(path.stem, path, package_directories=(path.parent,))
-    if name in _table():
-        return _Description(name, _urdf_directory() / f"{name}.urdf", extras=_table()[name])
-    loaders = _example_loaders()
-    if name not in loaders:
-        raise UnknownNameError("robot", name, [*_table(), *loaders], "; a path to a URDF file works too")
-    return _find_example(name, loaders[name])
-
-
-def _find_example(name: str, loader: Any) -> _Description:
-    from example_robot_data.robots_loader import getModelPath
-
-    if loader.free_flyer:
-        raise RobotDescriptionError(f"{name}: has a floating base; phcontrol controls fixed-base arms")
-    if not loader.urdf_filename:
-        raise RobotDescriptionError(f"{name}: is described by SDF, not URDF")
-    relative = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
-    root = Path(getModelPath(str(relative)))
-    semantic = root / loader.path / loader.srdf_subpath / loader.srdf_filename if loader.srdf_filename else None
-    return _Description(
-        name,
-        root / relative,
-        semantic_path=semantic if semantic and semantic.is_file() else None,
-        reference_posture=loader.ref_posture,
-        has_rotor_parameters=loader.has_rotor_parameters,
-        package_directories=(root.parent.parent, root),
-    )
-
-
-@cache
-def _example_loaders() -> dict[str, Any]:
-    from example_robot_data.robots_loader import ROBOTS
-
-    return dict(ROBOTS)
-
-
-@cache
-def _urdf_directory() -> Path:
-    package = Path(__file__).parents[1]
-    for directory in (package / "urdf", package.parent / "urdf"):
-        if (directory / "robots.toml").is_file():
-            return directory
-    raise RobotDescriptionError("the urdf folder of phcontrol is missing: reinstall the package")
-
-
-@cache
-def _table() -> dict[str, Any]:
-    return tomllib.loads((_urdf_directory() / "robots.toml").read_text(encoding="utf-8"))
-
-
-def _build(description: _Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
+def _build(description: Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
     root = _parse(description.path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint") if joint.get("type") != "fixed"}
     continuous = _make_continuous_revolute(joints)
@@ -209,7 +121,7 @@ def _make_continuous_revolute(joints: dict[str, ET.Element]) -> set[str]:
     return names
 
 
-def _read_rotor_parameters(model: pin.Model, description: _Description) -> None:
+def _read_rotor_parameters(model: pin.Model, description: Description) -> None:
     if description.semantic_path is None:
         return
     path = str(description.semantic_path)
@@ -218,7 +130,7 @@ def _read_rotor_parameters(model: pin.Model, description: _Description) -> None:
         model.armature = np.asarray(model.rotorInertia) * np.square(np.asarray(model.rotorGearRatio))
 
 
-def _home(model: pin.Model, description: _Description) -> np.ndarray:
+def _home(model: pin.Model, description: Description) -> Array:
     """Zero, moved inside the limits; where an SRDF gives the reference posture, that one."""
     home = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
     if description.semantic_path is None or description.reference_posture is None:
@@ -246,10 +158,12 @@ def _locked_angles(
     locked_joints: Sequence[str] | Mapping[str, float],
     mimics: dict[str, tuple[str, float, float]],
     names: list[str],
-    home: np.ndarray,
+    home: Array,
 ) -> dict[str, float]:
     if isinstance(locked_joints, str):
-        raise InvalidArgumentError("locked_joints", f"must be a list of joint names, but is the string '{locked_joints}'")
+        raise InvalidArgumentError(
+            "locked_joints", f"must be a list of joint names, but is the string '{locked_joints}'"
+        )
     check_joint_names(list(locked_joints), names, robot)
     angles = dict(zip(names, home, strict=True))
     if isinstance(locked_joints, Mapping):
@@ -282,7 +196,9 @@ def _coupling(
             leader, multiplier, constant = followers[seen[-1]]
             gain, shift = gain * multiplier, shift + gain * constant
             if leader in seen or leader not in names:
-                raise RobotDescriptionError(f"{robot}: joint '{seen[-1]}' mimics '{leader}', which is no joint it can follow")
+                raise RobotDescriptionError(
+                    f"{robot}: joint '{seen[-1]}' mimics '{leader}', which is no joint it can follow"
+                )
             seen.append(leader)
         matrix[row, independent.index(seen[-1])] = gain
         offset[row] = shift
@@ -290,10 +206,10 @@ def _coupling(
 
 
 def _assemble(
-    description: _Description,
+    description: Description,
     model: pin.Model,
     joints: dict[str, ET.Element],
-    home: np.ndarray,
+    home: Array,
     continuous: set[str],
     mimics: dict[str, tuple[str, float, float]],
     locked: dict[str, float],
@@ -332,7 +248,7 @@ def _assemble(
     return robot
 
 
-def _limit_or_infinite(values: np.ndarray) -> np.ndarray:
+def _limit_or_infinite(values: Array) -> Array:
     """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
     return np.where(values > 0.0, values, np.inf)
 
@@ -356,9 +272,9 @@ def _friction(joints: list[ET.Element], extras: dict[str, Any]) -> StribeckFrict
 
 
 def _with_armature(robot: Robot, armature: ArrayLike) -> Robot:
-    values = np.broadcast_to(np.asarray(armature, dtype=float), (robot.n,)) if np.ndim(armature) == 0 else np.asarray(armature, float)
-    if values.shape != (robot.n,) or not np.isfinite(values).all() or (values < 0.0).any():
-        raise InvalidArgumentError("armature", f"must be one or {robot.n} finite values >= 0 [kg m²], but is {armature}")
+    values = vector("armature", np.full(robot.n, armature) if np.ndim(armature) == 0 else armature, robot.n)
+    if (values < 0.0).any():
+        raise InvalidArgumentError("armature", f"must be >= 0 [kg m²], but is {values.tolist()}")
     model = robot.model.copy()
     names = list(model.names)[1:]
     full = np.zeros(model.nv)

@@ -105,7 +105,8 @@ class Robot:
         """Return all joint angles of ``model`` at n independent ones (the same, without mimic joints)."""
         if self.coupling is None:
             return position
-        return self.coupling.matrix.dot(position) + self.coupling.offset
+        full: Array = self.coupling.matrix.dot(position) + self.coupling.offset
+        return full
 
     def placement(self, frame: str, position: ArrayLike) -> pin.SE3:
         """Return the pose of a frame in the world at a position."""
@@ -129,15 +130,17 @@ class Robot:
     def check_inertia(self, samples: int = 8) -> None:
         """Raise RobotDescriptionError unless masses and M(q) at sampled positions are positive definite."""
         model, data = self.model, self.model.createData()
-        for joint in range(1, model.njoints):
-            inertia = model.inertias[joint]
+        for index in range(1, model.njoints):
+            inertia = model.inertias[index]
             values = np.concatenate([[inertia.mass], inertia.lever, inertia.inertia.ravel()])
             if not np.isfinite(values).all():
-                raise RobotDescriptionError(f"{self.name}: mass or inertia behind joint '{model.names[joint]}' is not finite")
+                raise RobotDescriptionError(
+                    f"{self.name}: mass or inertia behind joint '{model.names[index]}' is not finite"
+                )
             moments = np.linalg.eigvalsh(inertia.inertia)
             if inertia.mass < 0.0 or moments[0] < -1e-9 * max(1.0, moments[-1]):
                 raise RobotDescriptionError(
-                    f"{self.name}: the link moved by joint '{model.names[joint]}' has mass {inertia.mass:g} kg and "
+                    f"{self.name}: the link moved by joint '{model.names[index]}' has mass {inertia.mass:g} kg and "
                     f"principal moments of inertia {moments} kg m²; none may be negative"
                 )
         generator = np.random.default_rng(0)

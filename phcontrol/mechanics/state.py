@@ -20,13 +20,8 @@ if TYPE_CHECKING:
 INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
 
-_dpotrf, _dpotrs, _dtrtrs, _dtrtri, _dsygst = (
-    lapack.dpotrf,
-    lapack.dpotrs,
-    lapack.dtrtrs,
-    lapack.dtrtri,
-    lapack.dsygst,
-)
+_crba, _coriolis, _gravity, _aba = pin.crba, pin.computeCoriolisMatrix, pin.computeGeneralizedGravity, pin.aba
+_dpotrf, _dtrtrs, _dtrtri, _dsygst = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst
 
 
 class MechanicalState:
@@ -53,31 +48,17 @@ class MechanicalState:
     # --- the original coordinates ---------------------------------------------------------------
 
     @lazy
-    def _full_position(self) -> Array:
-        return self.system.robot.full_position(self.position)
-
-    @lazy
     def mass_matrix(self) -> Array:
         """M(q), shape (n, n), symmetric positive definite, armature included [kg·m²]."""
         system = self.system
-        mass_matrix: Array = pin.crba(system.model, system.data, self._full_position)
-        if system.coupling is not None:
-            mass_matrix = system.coupling.matrix.T @ mass_matrix @ system.coupling.matrix
+        mass_matrix: Array = _crba(system.model, system.data, self.position)
         return mass_matrix
 
     @lazy
     def coriolis_matrix(self) -> Array:
         """C(q, q̇) of the Christoffel symbols, shape (n, n): Ṁ = C + Cᵀ [N·m·s/rad]."""
-        return self._coriolis(self.velocity)
-
-    def _coriolis(self, velocity: Array) -> Array:
         system = self.system
-        if system.coupling is None:
-            coriolis: Array = pin.computeCoriolisMatrix(system.model, system.data, self.position, velocity)
-            return coriolis
-        matrix = system.coupling.matrix
-        full = pin.computeCoriolisMatrix(system.model, system.data, self._full_position, matrix.dot(velocity))
-        coriolis = matrix.T @ full @ matrix
+        coriolis: Array = _coriolis(system.model, system.data, self.position, self.velocity)
         return coriolis
 
     @lazy
@@ -90,22 +71,19 @@ class MechanicalState:
     @lazy
     def gravity(self) -> Array:
         """Generalised gravity g(q), shape (n,) [N·m]: the part of ∂V/∂q due to weight."""
-        system = self.system
-        gravity: Array = pin.computeGeneralizedGravity(system.model, system.data, self._full_position)
-        if system.coupling is not None:
-            gravity = system.coupling.matrix.T.dot(gravity)
-        return gravity
+        return self._weight_gradient()
 
-    @lazy
-    def _spring_gradient(self) -> Array | None:
-        gradients = [potential.gradient(self.position) for potential in self.system.potentials]
-        return np.sum(gradients, axis=0) if gradients else None
+    def _weight_gradient(self) -> Array:
+        system = self.system
+        gravity: Array = _gravity(system.model, system.data, self.position)
+        return gravity
 
     @lazy
     def potential_gradient(self) -> Array:
         """∂V/∂q, gravity and springs, shape (n,) [N·m]."""
-        springs = self._spring_gradient
-        gradient: Array = self.gravity if springs is None else self.gravity + springs
+        gradient = self._weight_gradient()
+        for potential in self.system.potentials:
+            gradient = gradient + potential.gradient(self.position)
         return gradient
 
     @lazy
@@ -115,6 +93,12 @@ class MechanicalState:
         return None if friction is None else friction.coefficients(self.velocity)
 
     @lazy
+    def friction_torque(self) -> Array:
+        """D(q̇)q̇, shape (n,) [N·m]: what friction takes."""
+        torque: Array = np.zeros(self.system.n) if self.damping is None else self.damping * self.velocity
+        return torque
+
+    @lazy
     def damping_matrix(self) -> Array:
         """D(q̇), shape (n, n), diagonal [N·m·s/rad]."""
         n = self.system.n
@@ -122,7 +106,7 @@ class MechanicalState:
 
     @lazy
     def momentum(self) -> Array:
-        """p = M q̇, shape (n,) [N·m·s]."""
+        """Momentum p = M q̇, shape (n,) [N·m·s]."""
         momentum: Array = self.mass_matrix.dot(self.velocity)
         return momentum
 
@@ -134,7 +118,7 @@ class MechanicalState:
 
     @lazy
     def output(self) -> Array:
-        """y = Gᵀq̇, shape (n,): the plant's power port is (u, y) [rad/s]."""
+        """Output y = Gᵀq̇, shape (n,): the plant's power port is (u, y) [rad/s]."""
         matrix = self.system.input_matrix
         output: Array = self.velocity if matrix is None else matrix.T.dot(self.velocity)
         return output
@@ -147,9 +131,10 @@ class MechanicalState:
     @lazy
     def potential_energy(self) -> float:
         """V(q): weight and springs [J]."""
-        system = self.system
-        weight = pin.computePotentialEnergy(system.model, system.data, self._full_position)
-        return float(weight + sum(potential.energy(self.position) for potential in system.potentials))
+        return self._weight_energy() + sum(potential.energy(self.position) for potential in self.system.potentials)
+
+    def _weight_energy(self) -> float:
+        return float(pin.computePotentialEnergy(self.system.model, self.system.data, self.position))
 
     @property
     def energy(self) -> float:
@@ -157,18 +142,11 @@ class MechanicalState:
         return self.kinetic_energy + self.potential_energy
 
     def acceleration(self, torque: Array, external_force: Array | None = None) -> Array:
-        """Return q̈ under a torque u and an external force f_e, shape (n,) [rad/s²].
-
-        By the articulated-body algorithm; with mimic joints, which it does not know, by M's factor.
-        """
+        """Return q̈ under a torque u and an external force f_e, shape (n,) [rad/s²]."""
         system = self.system
         force = self.applied_force(torque, external_force)
-        if system.coupling is None:
-            acceleration: Array = pin.aba(system.model, system.data, self.position, self.velocity, force)
-            return acceleration
-        force = force - self.coriolis_matrix.dot(self.velocity) - self.gravity
-        solution: Array = _dpotrs(self.factor, force, lower=1)[0]
-        return solution
+        acceleration: Array = _aba(system.model, system.data, self.position, self.velocity, force)
+        return acceleration
 
     def applied_force(self, torque: Array, external_force: Array | None = None) -> Array:
         """Return G u + f_e − D q̇ − ∂V_springs/∂q: every joint force but weight and inertia [N·m]."""
@@ -176,10 +154,10 @@ class MechanicalState:
         force: Array = torque if system.input_matrix is None else system.input_matrix.dot(torque)
         if external_force is not None:
             force = force + external_force
-        if self.damping is not None:
-            force = force - self.damping * self.velocity
-        if self._spring_gradient is not None:
-            force = force - self._spring_gradient
+        if system.friction is not None:
+            force = force - self.friction_torque
+        for potential in system.potentials:
+            force = force - potential.gradient(self.position)
         return force
 
     def momentum_rate(self, torque: Array, external_force: Array | None = None) -> Array:
@@ -200,7 +178,7 @@ class MechanicalState:
     @lazy
     def factor(self) -> Array:
         """T(q), shape (n, n), lower triangular with positive diagonal: M = T Tᵀ (2.33)."""
-        factor, info = _dpotrf(self.mass_matrix.T, lower=1, clean=1)
+        factor, info = _dpotrf(self.mass_matrix.T, 1, 1)  # lower, zeros above
         if info:
             raise InvalidArgumentError("position", f"the mass matrix is not positive definite at {self.position}")
         result: Array = factor
@@ -208,12 +186,12 @@ class MechanicalState:
 
     def solve_factor(self, force: Array) -> Array:
         """Return T⁻¹f for a vector or the columns of a matrix."""
-        result: Array = _dtrtrs(self.factor, force, lower=1)[0]
+        result: Array = _dtrtrs(self.factor, force, 1)[0]
         return result
 
     def solve_factor_transposed(self, momentum: Array) -> Array:
         """Return T⁻ᵀp̄ for a vector or the columns of a matrix."""
-        result: Array = _dtrtrs(self.factor, momentum, lower=1, trans=1)[0]
+        result: Array = _dtrtrs(self.factor, momentum, 1, 1)[0]
         return result
 
     @lazy
@@ -225,8 +203,9 @@ class MechanicalState:
     @lazy
     def _relative_factor_rate(self) -> Array:
         """T⁻¹Ṫ = Φ(T⁻¹Ṁ T⁻ᵀ), lower triangular."""
-        reduced = _dsygst(self.mass_matrix_rate.T, self.factor, lower=1)[0]  # fills the lower triangle
-        rate: Array = reduced * self.system.lower_half_mask
+        coriolis = self.coriolis_matrix
+        rate: Array = _dsygst(coriolis + coriolis.T, self.factor, 1, 1)[0]  # fills the lower triangle only
+        rate *= self.system.lower_half_mask
         return rate
 
     @lazy
@@ -245,14 +224,18 @@ class MechanicalState:
         """Ḡ = T⁻¹G, shape (n, n) (2.40)."""
         return self.solve_factor(self.input_matrix)
 
-    @lazy
-    def motion_force(self) -> Array:
-        """(J̄₂ − D̄)p̄, shape (n,): what motion alone adds to p̄̇. Both choices of J̄₂ agree on p̄."""
-        forces = self.coriolis_matrix.dot(self.velocity)
-        if self.damping is not None:
-            forces = forces + self.damping * self.velocity
-        result: Array = self.transformed_momentum.dot(self._relative_factor_rate) - self.solve_factor(forces)
-        return result
+    def transformed_rate(self, force: Array) -> Array:
+        """Return T⁻¹f + (J̄₂ − D̄)p̄, shape (n,): p̄̇ when ``force`` f is all that acts beside motion [N·m].
+
+        Both choices of J̄₂ agree on p̄, so this has no choice to make: it is
+        Ṫᵀq̇ + T⁻¹(f − C q̇ − D q̇).
+        """
+        remaining = force - self.coriolis_matrix.dot(self.velocity)
+        if self.system.friction is not None:
+            remaining -= self.friction_torque
+        rate: Array = self.transformed_momentum.dot(self._relative_factor_rate)
+        rate += self.solve_factor(remaining)
+        return rate
 
     @lazy
     def coriolis_interconnection(self) -> Array:
@@ -289,12 +272,7 @@ class MechanicalState:
     @lazy
     def mass_matrix_derivative(self) -> Array:
         """∂M/∂q, shape (n, n, n): [k] is ∂M/∂q_k."""
-        system = self.system
-        tensor = derivatives.mass_matrix_derivative(system.model, system.data, self._full_position)
-        if system.coupling is not None:
-            matrix = system.coupling.matrix
-            tensor = np.tensordot(matrix.T, matrix.T @ tensor @ matrix, axes=1)
-        return tensor
+        return derivatives.mass_matrix_derivative(self.system.model, self.system.data, self.position)
 
     @lazy
     def factor_derivative(self) -> Array:
@@ -306,8 +284,12 @@ class MechanicalState:
     def placement(self, frame: str) -> pin.SE3:
         """Return the pose of a frame in the world."""
         system, index = self.system, self.system.frame_id(frame)
-        pin.forwardKinematics(system.model, system.data, self._full_position)
+        pin.forwardKinematics(system.model, system.data, self._model_position)
         return pin.updateFramePlacement(system.model, system.data, index).copy()
+
+    @property
+    def _model_position(self) -> Array:
+        return self.position
 
     def frame_jacobian(self, frame: str, reference: str) -> Array:
         """Return 𝒥(q), shape (6, n): the twist (linear, angular) of a frame is 𝒥 q̇.
@@ -315,34 +297,27 @@ class MechanicalState:
         ``reference`` is "local" (the frame's own axes), "local_world_aligned" (its origin, the
         world's axes) or "world".
         """
-        system = self.system
+        system, index = self.system, self.system.frame_id(frame)
         jacobian: Array = pin.computeFrameJacobian(
-            system.model, system.data, self._full_position, system.frame_id(frame), _reference(reference)
+            system.model, system.data, self.position, index, frame_of_reference(reference)
         )
-        return jacobian if system.coupling is None else jacobian @ system.coupling.matrix
+        return jacobian
 
     def frame_jacobian_rate(self, frame: str, reference: str) -> Array:
         """Return 𝒥̇ along q̇, shape (6, n), in the same frames of reference as ``frame_jacobian``."""
         system, index = self.system, self.system.frame_id(frame)
-        matrix = None if system.coupling is None else system.coupling.matrix
-        velocity = self.velocity if matrix is None else matrix.dot(self.velocity)
-        pin.computeJointJacobiansTimeVariation(system.model, system.data, self._full_position, velocity)
-        pin.updateFramePlacement(system.model, system.data, index)
-        rate: Array = pin.getFrameJacobianTimeVariation(system.model, system.data, index, _reference(reference))
-        return rate if matrix is None else rate @ matrix
+        return derivatives.frame_jacobian_rate(
+            system.model, system.data, self.position, self.velocity, index, frame_of_reference(reference)
+        )
 
     def frame_jacobian_derivative(self, frame: str, reference: str) -> Array:
         """Return ∂𝒥/∂q, shape (n, 6, n): [k] is ∂𝒥/∂q_k."""
-        system = self.system
-        tensor = derivatives.frame_jacobian_derivative(
-            system.model, system.data, self._full_position, system.frame_id(frame), _reference(reference)
+        system, index = self.system, self.system.frame_id(frame)
+        return derivatives.frame_jacobian_derivative(
+            system.model, system.data, self.position, index, frame_of_reference(reference)
         )
-        if system.coupling is not None:
-            matrix = system.coupling.matrix
-            tensor = np.tensordot(matrix.T, tensor @ matrix, axes=1)
-        return tensor
 
 
-def _reference(name: str) -> pin.ReferenceFrame:
-    choice("frame of reference", name, REFERENCES)
-    return REFERENCES[name]
+def frame_of_reference(name: str) -> pin.ReferenceFrame:
+    """Return Pinocchio's frame of reference by name. Raises UnknownNameError, listing the names."""
+    return REFERENCES[choice("frame of reference", name, REFERENCES)]

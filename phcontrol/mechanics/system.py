@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 
 from phcontrol._validation import Array, matrix, vector
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.coupled_state import CoupledMechanicalState
 from phcontrol.mechanics.derivatives import lower_half
 from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
 from phcontrol.mechanics.potentials import Potential
@@ -54,7 +55,7 @@ class MechanicalSystem:
         self.n = robot.n
         if isinstance(friction, str) and friction != "robot":
             raise InvalidArgumentError("friction", f"must be a friction model, None or 'robot', but is '{friction}'")
-        self.friction: Friction | None = robot.friction if friction == "robot" else friction  # type: ignore[assignment]
+        self.friction: Friction | None = robot.friction if friction == "robot" else friction
         if isinstance(self.friction, StribeckFriction):
             check_size(self.friction, self.n)
         self.potentials: tuple[Potential, ...] = (*robot.potentials, *potentials)
@@ -69,7 +70,8 @@ class MechanicalSystem:
         self.data: pin.Data = self.model.createData()
         self.coupling = robot.coupling
         self.has_continuous_joints = bool(robot.continuous.any())
-        self.lower_half_mask: Array = lower_half(np.ones((self.n, self.n)))
+        self.lower_half_mask: Array = np.asfortranarray(lower_half(np.ones((self.n, self.n))))
+        self.state_type = MechanicalState if self.coupling is None else CoupledMechanicalState
         self._shape = (self.n,)
         self._frame_ids: dict[str, int] = {}
 
@@ -84,19 +86,17 @@ class MechanicalSystem:
         if velocity is None:
             velocity = np.zeros(self.n)
         if (
-            type(position) is not np.ndarray
-            or type(velocity) is not np.ndarray
-            or position.dtype is not _FLOAT
-            or velocity.dtype is not _FLOAT
-            or position.shape != self._shape
-            or velocity.shape != self._shape
-            # NaN or infinity in either makes the product so; an overflow is sorted out by `vector`
-            or not math.isfinite(position.dot(velocity))
+            type(position) is np.ndarray
+            and type(velocity) is np.ndarray
+            and position.dtype is _FLOAT
+            and velocity.dtype is _FLOAT
+            and position.shape == self._shape
+            and velocity.shape == self._shape
+            # NaN or infinity in either makes the sum so; finite numbers beyond 1e154 are sorted out below
+            and math.isfinite(position.dot(position) + velocity.dot(velocity))
         ):
-            return MechanicalState(
-                self, vector("position", position, self.n), vector("velocity", velocity, self.n)
-            )
-        return MechanicalState(self, position.copy(), velocity.copy())
+            return self.state_type(self, position.copy(), velocity.copy())
+        return self.state_type(self, vector("position", position, self.n), vector("velocity", velocity, self.n))
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame. Raises UnknownNameError, listing the frames."""

@@ -1,0 +1,1 @@
+"""Studies: a scenario in, a log and what it shows out."""

@@ -1,0 +1,104 @@
+"""Where robot descriptions are: shipped arms, URDF files, example-robot-data."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from phcontrol.exceptions import RobotDescriptionError, UnknownNameError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def shipped_robots() -> dict[str, str]:
+    """Return the robots that come with phcontrol: title by name."""
+    return {name: entry["title"] for name, entry in table().items()}
+
+
+def example_robots() -> dict[str, bool]:
+    """Return the names of example-robot-data, and for each whether it has a floating base."""
+    return {name: bool(loader.free_flyer) for name, loader in _example_loaders().items()}
+
+
+@dataclass
+class Description:
+    """Where a robot's URDF is, and what is known of it beside that."""
+
+    name: str
+    path: Path
+    extras: dict[str, Any] = field(default_factory=dict)
+    semantic_path: Path | None = None
+    reference_posture: str | None = None
+    has_rotor_parameters: bool = False
+    package_directories: tuple[Path, ...] = ()
+
+
+def find(source: str | os.PathLike[str]) -> Description:
+    """Return where the description of a robot is. Raises UnknownNameError or RobotDescriptionError."""
+    name = os.fspath(source)
+    is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
+    if is_path:
+        path = Path(name)
+        if path.suffix == ".xacro":
+            raise RobotDescriptionError(
+                f"{path}: xacro files must be expanded to URDF first (xacro in.xacro > out.urdf)"
+            )
+        if not path.is_file():
+            raise RobotDescriptionError(f"{path}: no such file")
+        return Description(path.stem, path, package_directories=(path.parent,))
+    if name in table():
+        return Description(name, _urdf_directory() / f"{name}.urdf", extras=table()[name])
+    loaders = _example_loaders()
+    if name not in loaders:
+        raise UnknownNameError("robot", name, [*table(), *loaders], "; a path to a URDF file works too")
+    return _find_example(name, loaders[name])
+
+
+def _find_example(name: str, loader: Any) -> Description:
+    from example_robot_data.robots_loader import getModelPath
+
+    if loader.free_flyer:
+        raise RobotDescriptionError(f"{name}: has a floating base; phcontrol controls fixed-base arms")
+    if not loader.urdf_filename:
+        raise RobotDescriptionError(f"{name}: is described by SDF, not URDF")
+    relative = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
+    root = Path(getModelPath(str(relative)))
+    semantic = root / loader.path / loader.srdf_subpath / loader.srdf_filename if loader.srdf_filename else None
+    return Description(
+        name,
+        root / relative,
+        semantic_path=semantic if semantic and semantic.is_file() else None,
+        reference_posture=loader.ref_posture,
+        has_rotor_parameters=loader.has_rotor_parameters,
+        package_directories=(root.parent.parent, root),
+    )
+
+
+@cache
+def _example_loaders() -> dict[str, Any]:
+    from example_robot_data.robots_loader import ROBOTS
+
+    return dict(ROBOTS)
+
+
+@cache
+def _urdf_directory() -> Path:
+    package = Path(__file__).parents[1]
+    for directory in (package / "urdf", package.parent / "urdf"):
+        if (directory / "robots.toml").is_file():
+            return directory
+    raise RobotDescriptionError("the urdf folder of phcontrol is missing: reinstall the package")
+
+
+@cache
+def table() -> dict[str, Any]:
+    """Return robots.toml: what is known of each shipped robot, by name."""
+    content: dict[str, Any] = tomllib.loads((_urdf_directory() / "robots.toml").read_text(encoding="utf-8"))
+    return content

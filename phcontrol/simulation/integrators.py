@@ -1,0 +1,121 @@
+"""Fixed-step integrators of the closed loop, in one registry.
+
+The state is y = (q, q̇, controller state). A step is a pure function of the loop, time and state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import root
+
+from phcontrol._validation import Array
+from phcontrol.exceptions import PHControlError
+
+_FIXED_POINT_ITERATIONS = 25
+_CONVERGED = 1e-13
+
+
+class Dynamics(Protocol):
+    """What an integrator asks of a closed loop."""
+
+    n: int
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return ẏ."""
+        ...
+
+    def momentum_rate(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return ṗ and the rate of the controller's state."""
+        ...
+
+    def momentum(self, y: Array) -> Array:
+        """Return p = M(q)q̇."""
+        ...
+
+    def velocity(self, position: Array, momentum: Array) -> Array:
+        """Return q̇ = M(q)⁻¹p."""
+        ...
+
+
+class Step(Protocol):
+    """One step of size dt from (t, y), where ``rate`` is ẏ there."""
+
+    def __call__(self, loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
+        """Return y at t + dt."""
+        ...
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A registered integrator: its step and its order of convergence."""
+
+    step: Step
+    order: int
+    summary: str
+
+
+def semi_implicit_euler(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
+    """Velocity first, then position with the new velocity: first order, cheap, no energy blow-up."""
+    n = loop.n
+    following: Array = y + dt * rate
+    following[:n] = y[:n] + dt * following[n : 2 * n]
+    return following
+
+
+def runge_kutta_4(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
+    """The classical method of Runge and Kutta: fourth order, four evaluations."""
+    half = 0.5 * dt
+    second = loop.rate(t + half, y + half * rate)
+    third = loop.rate(t + half, y + half * second)
+    fourth = loop.rate(t + dt, y + dt * third)
+    second += third
+    second *= 2.0
+    second += rate
+    second += fourth
+    second *= dt / 6.0
+    second += y
+    return second
+
+
+def implicit_midpoint(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
+    """The implicit midpoint rule in (q, p): second order, symplectic, so that energy does not drift.
+
+    Solves for the midpoint by fixed-point iteration, and by SciPy's Powell hybrid method where that does
+    not contract (a stiff contact, a step that is long for the friction).
+    """
+    n, half = loop.n, 0.5 * dt
+    momentum = loop.momentum(y)
+
+    def improved(middle: Array) -> Array:
+        momentum_rate, state_rate = loop.momentum_rate(t + half, middle)
+        position = y[:n] + half * middle[n : 2 * n]
+        velocity = loop.velocity(position, momentum + half * momentum_rate)
+        return np.concatenate([position, velocity, y[2 * n :] + half * state_rate])
+
+    middle, last = y + half * rate, np.inf
+    for _ in range(_FIXED_POINT_ITERATIONS):
+        following = improved(middle)
+        change = float(np.abs(following - middle).max() / (1.0 + np.abs(following).max()))
+        middle = following
+        if change <= _CONVERGED or (change < 1e-11 and change >= last):
+            break
+        last = change
+    else:
+        solution = root(lambda guess: improved(guess) - guess, y + half * rate, tol=1e-12)
+        if not np.abs(improved(solution.x) - solution.x).max() <= 1e-8 * (1.0 + np.abs(solution.x).max()):
+            raise PHControlError(f"implicit midpoint found no solution at t = {t:g} s: use a step below {dt:g} s")
+        middle = improved(solution.x)
+    momentum_rate, state_rate = loop.momentum_rate(t + half, middle)
+    position = y[:n] + dt * middle[n : 2 * n]
+    velocity = loop.velocity(position, momentum + dt * momentum_rate)
+    return np.concatenate([position, velocity, y[2 * n :] + dt * state_rate])
+
+
+INTEGRATORS: dict[str, Integrator] = {
+    "semi_implicit_euler": Integrator(semi_implicit_euler, 1, "cheap; what most simulators do"),
+    "rk4": Integrator(runge_kutta_4, 4, "accurate; the default"),
+    "implicit_midpoint": Integrator(implicit_midpoint, 2, "symplectic; for energy studies"),
+}

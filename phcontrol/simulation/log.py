@@ -1,0 +1,287 @@
+"""What happened in a run, and the energy that flowed."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phcontrol._files import write_atomically
+from phcontrol._lazy import lazy
+from phcontrol._validation import Array, choice
+from phcontrol.exceptions import DataFileError, PHControlError
+from phcontrol.sensors.measured import Measured
+
+if TYPE_CHECKING:
+    import pandas
+
+    from phcontrol.simulation.closed_loop import ClosedLoop
+
+FORMAT = "phcontrol-log-1"
+_RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state")
+_DERIVED = (
+    "kinetic_energy",
+    "potential_energy",
+    "storage",
+    "dissipated_power",
+    "supplied_power",
+    "friction_power",
+    "control_power",
+    "external_power",
+)
+
+
+@dataclass(frozen=True)
+class PowerBalance:
+    """The rate of a stored energy against the powers that make it up, at every inner sample [W]."""
+
+    time: Array
+    rate: Array
+    """Rate of the stored energy, by finite differences of fourth order over the samples."""
+    supplied: Array
+    dissipated: Array
+
+    @property
+    def residual(self) -> Array:
+        """Difference rate − (supplied − dissipated) [W]; zero for an exact run."""
+        residual: Array = self.rate - (self.supplied - self.dissipated)
+        return residual
+
+    @property
+    def largest_residual(self) -> float:
+        """Largest |residual| [W]."""
+        return float(np.abs(self.residual).max(initial=0.0))
+
+    @property
+    def relative_residual(self) -> float:
+        """Largest |residual| over the largest power."""
+        power = max(float(np.abs(part).max(initial=0.0)) for part in (self.rate, self.supplied, self.dissipated))
+        return self.largest_residual / power if power > 0.0 else 0.0
+
+
+class Log:
+    """A run: times, states, torques, forces, and the energies derived from them.
+
+    Rows are samples k at ``time[k]``. What follows from the trajectory (energies, powers) is computed on
+    first use and kept; a saved log has it all.
+    """
+
+    def __init__(self, data: dict[str, Array], metadata: dict[str, Any], loop: ClosedLoop | None = None) -> None:
+        self.metadata = metadata
+        """Robot, controller, integrator, step, versions."""
+        self._data, self._loop, self._length = data, loop, len(data["time"])
+        self._states: Array = np.zeros((0, 0))
+
+    @classmethod
+    def empty(cls, loop: ClosedLoop, samples: int, state_size: int, metadata: dict[str, Any]) -> Log:
+        """Return a log with room for a run, to be filled by ``record``."""
+        n = loop.n
+        states: Array = np.zeros((samples, 2 * n + state_size))
+        data: dict[str, Array] = {
+            "time": np.zeros(samples),
+            "position": states[:, :n],
+            "velocity": states[:, n : 2 * n],
+            "controller_state": states[:, 2 * n :],
+            "torque": np.zeros((samples, n)),
+            "external_force": np.zeros((samples, n)),
+        }
+        log = cls(data, metadata, loop)
+        log._length, log._states = 0, states
+        return log
+
+    def record(self, k: int, t: float, y: Array, torque: Array, external_force: Array) -> None:
+        """Write sample k."""
+        data = self._data
+        data["time"][k] = t
+        self._states[k] = y
+        data["torque"][k] = torque
+        data["external_force"][k] = external_force
+        self._length = k + 1
+
+    def truncated(self) -> Log:
+        """Return the part that was recorded."""
+        return Log({name: array[: self._length] for name, array in self._data.items()}, self.metadata, self._loop)
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __repr__(self) -> str:
+        end = f"{self.time[-1]:g} s" if len(self) else "nothing"
+        return f"<Log of {self.metadata['controller']} on {self.metadata['robot']}: {len(self)} samples, {end}>"
+
+    # --- recorded -----------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> Array:
+        """Times k·dt, shape (N,) [s]."""
+        return self._data["time"]
+
+    @property
+    def position(self) -> Array:
+        """q, shape (N, n) [rad]."""
+        return self._data["position"]
+
+    @property
+    def velocity(self) -> Array:
+        """q̇, shape (N, n) [rad/s]."""
+        return self._data["velocity"]
+
+    @property
+    def torque(self) -> Array:
+        """The applied torque u, shape (N, n) [N·m]."""
+        return self._data["torque"]
+
+    @property
+    def external_force(self) -> Array:
+        """f_e, shape (N, n) [N·m]."""
+        return self._data["external_force"]
+
+    @property
+    def controller_state(self) -> Array:
+        """The controller's own state, shape (N, size)."""
+        return self._data["controller_state"]
+
+    # --- derived ------------------------------------------------------------------------------------
+
+    @property
+    def kinetic_energy(self) -> Array:
+        """½q̇ᵀM q̇ of the plant, shape (N,) [J]."""
+        return self._derived["kinetic_energy"]
+
+    @property
+    def potential_energy(self) -> Array:
+        """V(q) of the plant, shape (N,) [J]."""
+        return self._derived["potential_energy"]
+
+    @property
+    def storage(self) -> Array:
+        """H_d, the controller's storage function, shape (N,) [J]."""
+        return self._derived["storage"]
+
+    @property
+    def dissipated_power(self) -> Array:
+        """∇H_dᵀR_d∇H_d: what the promised closed loop dissipates, shape (N,) [W]."""
+        return self._derived["dissipated_power"]
+
+    @property
+    def supplied_power(self) -> Array:
+        """∇H_dᵀ port f_e: what the external force supplies to H_d, shape (N,) [W]."""
+        return self._derived["supplied_power"]
+
+    @property
+    def friction_power(self) -> Array:
+        """q̇ᵀD q̇: what the plant's friction takes, shape (N,) [W]."""
+        return self._derived["friction_power"]
+
+    @property
+    def control_power(self) -> Array:
+        """yᵀu: what the motors give the plant, shape (N,) [W]."""
+        return self._derived["control_power"]
+
+    @property
+    def external_power(self) -> Array:
+        """q̇ᵀf_e: what the environment gives the plant, shape (N,) [W]."""
+        return self._derived["external_power"]
+
+    @property
+    def saturated(self) -> Array:
+        """Where a torque limit acted, shape (N,), True or False."""
+        limit = None if self._loop is None else self._loop.torque_limit
+        stored = self.metadata.get("torque_limit")
+        limit = np.array(stored, dtype=float) if limit is None and stored is not None else limit
+        if limit is None:
+            return np.zeros(len(self.time), dtype=bool)
+        return np.asarray((np.abs(self.torque) >= limit).any(axis=1))
+
+    @lazy
+    def _derived(self) -> dict[str, Array]:
+        if all(name in self._data for name in _DERIVED):
+            return {name: self._data[name] for name in _DERIVED}
+        loop = self._loop
+        if loop is None:
+            raise PHControlError("this log has no energies and no closed loop to derive them from")
+        rows = np.zeros((len(self.time), len(_DERIVED)))
+        for k, t in enumerate(self.time):
+            x = loop.plant.at(self.position[k], self.velocity[k])
+            view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
+            state, force = self.controller_state[k], self.external_force[k]
+            measured = Measured(external_force=force)
+            target = loop.controller.target(t, view, state, measured)
+            rows[k] = (
+                x.kinetic_energy,
+                x.potential_energy,
+                loop.controller.storage(t, view, state, measured),
+                target.gradient @ target.dissipation @ target.gradient,
+                target.gradient @ (target.port @ force),
+                0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
+                x.output @ self.torque[k],
+                x.velocity @ force,
+            )
+        return dict(zip(_DERIVED, rows.T.copy(), strict=True))
+
+    def power_balance(self, of: str = "storage") -> PowerBalance:
+        """Recompute the rate of an energy from the samples and set it against its parts.
+
+        ``of="storage"`` checks the closed loop: Ḣ_d = supplied_power − dissipated_power, the promise of the
+        law. A held (sampled) or saturated torque is not the law's; what that costs shows as residual.
+        ``of="plant"`` checks the arm alone: Ḣ = yᵀu + q̇ᵀf_e − q̇ᵀD q̇, whatever the torque.
+        The residual is of the order of dt⁴ where everything is smooth, and larger where a force jumps.
+        """
+        if choice("energy", of, ("storage", "plant")) == "storage":
+            stored, supplied, lost = self.storage, self.supplied_power, self.dissipated_power
+        else:
+            stored = self.kinetic_energy + self.potential_energy
+            supplied, lost = self.control_power + self.external_power, self.friction_power
+        if len(stored) < 5:
+            raise PHControlError("a power balance needs at least five samples")
+        step = self.time[1] - self.time[0]
+        rate = (8.0 * (stored[3:-1] - stored[1:-3]) - (stored[4:] - stored[:-4])) / (12.0 * step)
+        inner = slice(2, -2)
+        return PowerBalance(self.time[inner], rate, supplied[inner], lost[inner])
+
+    # --- files --------------------------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
+        data = {name: self._data[name] for name in _RECORDED} | self._derived
+        limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
+        metadata = self.metadata | {"format": FORMAT}
+        if limit is not None:
+            metadata["torque_limit"] = [value if np.isfinite(value) else 1e300 for value in limit.tolist()]
+        data["metadata"] = np.frombuffer(json.dumps(metadata).encode(), dtype=np.uint8)
+        return write_atomically(path, lambda file: np.savez_compressed(file, **data))  # type: ignore[arg-type]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Log:
+        """Read a log that ``save`` wrote. Raises DataFileError; nothing in the file is executed."""
+        try:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+                data = {name: file[name] for name in file.files}
+            metadata = json.loads(data.pop("metadata").tobytes().decode())
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise DataFileError(f"cannot read {path} as a log: {error}") from error
+        if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+            raise DataFileError(f"cannot read {path}: not a log of format {FORMAT}")
+        missing = [name for name in (*_RECORDED, *_DERIVED) if name not in data]
+        if missing or len({len(array) for array in data.values()}) != 1:
+            raise DataFileError(f"cannot read {path}: incomplete log (missing {missing or 'rows'})")
+        return cls(data, metadata)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return the log as a pandas DataFrame indexed by time (needs pandas)."""
+        try:
+            import pandas
+        except ImportError as error:
+            raise PHControlError("to_dataframe needs pandas: pip install pandas") from error
+        columns: dict[str, Array] = {}
+        names = self.metadata["joint_names"]
+        for quantity in ("position", "velocity", "torque", "external_force"):
+            columns |= {f"{quantity}/{name}": self._data[quantity][:, i] for i, name in enumerate(names)}
+        columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
+        columns |= self._derived
+        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))

@@ -1,0 +1,1 @@
+"""Pictures of runs. Nothing here is imported before it is used."""

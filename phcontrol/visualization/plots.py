@@ -1,0 +1,103 @@
+"""Plots of a log with matplotlib, without a display."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from phcontrol._files import write_atomically
+from phcontrol._validation import Array
+from phcontrol.simulation.log import Log
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from phcontrol.mechanics.robot import Robot
+
+INK = "#30343b"
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#6b705c")
+"""A palette that stays apart for colour-blind eyes, one colour a joint."""
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure as PNG, atomically. Raises DataFileError."""
+    return write_atomically(path, lambda file: figure.savefig(file, format="png", dpi=130))
+
+
+def plot_joints(axes: Axes, log: Log, goal: Array | None = None) -> None:
+    """Draw joint positions over time, and dashed where they should go."""
+    for i, (name, position) in enumerate(zip(log.metadata["joint_names"], log.position.T, strict=True)):
+        color = COLORS[i % len(COLORS)]
+        axes.plot(log.time, position, color=color, label=name)
+        if goal is not None:
+            axes.axhline(goal[i], color=color, linestyle="--", linewidth=0.8, alpha=0.7)
+    _finish(axes, "joint positions (dashed: goal)" if goal is not None else "joint positions", "q [rad]")
+    axes.legend(fontsize=7, ncols=2, framealpha=0.8)
+
+
+def plot_torques(axes: Axes, log: Log) -> None:
+    """Draw the applied torques over time."""
+    for i, torque in enumerate(log.torque.T):
+        axes.plot(log.time, torque, color=COLORS[i % len(COLORS)])
+    _finish(axes, "motor torques", "u [N·m]")
+
+
+def plot_energy(axes: Axes, log: Log) -> None:
+    """Draw the storage function H_d and the kinetic energy on a logarithmic scale."""
+    floor = max(1e-12, 1e-14 * float(log.storage.max(initial=1.0)))
+    axes.semilogy(log.time, np.maximum(log.storage, floor), color=COLORS[0], label="storage $H_d$")
+    axes.semilogy(
+        log.time, np.maximum(log.kinetic_energy, floor), color=COLORS[1], linewidth=0.9, label="kinetic energy"
+    )
+    _finish(axes, "energy", "[J]")
+    axes.legend(fontsize=8)
+
+
+def plot_poses(axes: Axes, log: Log, robot: Robot, poses: int = 7) -> None:
+    """Draw the arm from the side, as lines through its joints, at even parts of its way."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(log.position, axis=0), axis=1))])
+    rows = np.searchsorted(way, np.linspace(0.0, way[-1] * (1.0 - 1e-6), poses))
+    for order, row in enumerate(rows):
+        points = skeleton(robot, log.position[row])
+        shade = 0.12 + 0.88 * order / max(1, poses - 1)
+        axes.plot(
+            points[:, 0], points[:, 2], "-o", color=COLORS[1] if order == poses - 1 else INK, alpha=shade, markersize=4
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+    _finish(axes, "the arm from the side, from light to dark", "z [m]")
+    axes.set_xlabel("x [m]")
+
+
+def skeleton(robot: Robot, position: Array) -> Array:
+    """Return the joints' origins and the tool's in the world, shape (points, 3) [m]."""
+    import pinocchio as pin
+
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.full_position(position))
+    points = [data.oMi[robot.model.getJointId(name)].translation for name in robot.joint_names]
+    if robot.tool_frame is not None:
+        points.append(data.oMf[robot.frame_id(robot.tool_frame)].translation)
+    return np.array(points)
+
+
+def run_figure(log: Log, robot: Robot, goal: Array | None, title: str) -> Figure:
+    """Return one page on a run: poses, joints, torques, energy."""
+    figure = Figure(figsize=(12.0, 7.5), layout="constrained")
+    figure.suptitle(title, fontsize=13, color=INK)
+    axes = figure.subplots(2, 2)
+    plot_poses(axes[0, 0], log, robot)
+    plot_joints(axes[0, 1], log, goal)
+    plot_torques(axes[1, 0], log)
+    plot_energy(axes[1, 1], log)
+    return figure
+
+
+def _finish(axes: Axes, title: str, label: str) -> None:
+    axes.set_title(title, fontsize=10, color=INK)
+    axes.set_xlabel("t [s]")
+    axes.set_ylabel(label)
+    axes.grid(alpha=0.25)
