@@ -56,8 +56,11 @@ def test_force_feedback_is_the_formula_of_section_4_2(shoulder, rng, measured):
     f_bar = (spring - coriolis - friction + (force if measured else 0.0)) / T + T_rate * v
     A, Kz = np.array([0.5, 0.7]), 2.0
     z_rate = A * Kz * f_bar
-    g = 9.81 * mass * length * np.array(
-        [np.cos(x.position[1]) * np.sin(x.position[0]), np.sin(x.position[1]) * np.cos(x.position[0])]
+    g = (
+        9.81
+        * mass
+        * length
+        * np.array([np.cos(x.position[1]) * np.sin(x.position[0]), np.sin(x.position[1]) * np.cos(x.position[0])])
     )
     expected = g + spring + T * A * z_rate - 10.0 * (v - A * z / T)
     controller = ForceFeedback(shoulder, goal=goal, measured=measured, **GAINS, **EXTENSION)

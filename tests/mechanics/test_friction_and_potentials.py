@@ -60,7 +60,9 @@ def test_bad_friction_is_refused(arguments, complaint):
 def test_spring_energy_is_the_integral_of_its_torque(position, smoothing):
     """(2.17) and (2.18), with errata E4 and E5: V' = K_g(q)(q − c_g), and V(c_g) = 0."""
     spring = GripperSpring(**THESIS, smoothing=smoothing)
-    expected, _ = quad(lambda q: spring.gradient(np.array([q]))[0], 0.30, position, epsabs=1e-13, epsrel=1e-12, limit=500)
+    expected, _ = quad(
+        lambda q: spring.gradient(np.array([q]))[0], 0.30, position, epsabs=1e-13, epsrel=1e-12, limit=500
+    )
     assert spring.energy(np.array([position])) == pytest.approx(expected, abs=1e-10)
 
 

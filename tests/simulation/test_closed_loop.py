@@ -68,7 +68,9 @@ def test_sampled_control_converges_to_continuous_control_with_the_period(shoulde
 
 
 def test_sampled_torque_is_held_between_samples(shoulder):
-    log = simulate(shoulder, make_controller("energy_shaping", shoulder, goal=[1, 0.5]), duration=0.1, control_period=0.01)
+    log = simulate(
+        shoulder, make_controller("energy_shaping", shoulder, goal=[1, 0.5]), duration=0.1, control_period=0.01
+    )
     for start in range(0, 100, 10):
         assert (log.torque[start : start + 10] == log.torque[start]).all()
     assert len(np.unique(log.torque[:, 0])) == 11

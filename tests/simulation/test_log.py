@@ -8,7 +8,15 @@ import json
 import numpy as np
 import pytest
 
-from phcontrol import DataFileError, Log, MechanicalSystem, PHControlError, StribeckFriction, load_robot, make_controller
+from phcontrol import (
+    DataFileError,
+    Log,
+    MechanicalSystem,
+    PHControlError,
+    StribeckFriction,
+    load_robot,
+    make_controller,
+)
 from phcontrol import simulate as run
 
 
