@@ -28,8 +28,8 @@ class CoupledMechanicalState(MechanicalState):
     def __init__(self, system: MechanicalSystem, position: Array, velocity: Array) -> None:
         super().__init__(system, position, velocity)
         assert system.coupling is not None
-        self._map = system.coupling.matrix
-        self._joints = self._map.dot(position) + system.coupling.offset
+        self._map: Array = system.coupling.matrix
+        self._joints: Array = self._map.dot(position) + system.coupling.offset
 
     @lazy
     def mass_matrix(self) -> Array:

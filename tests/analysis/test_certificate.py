@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.conftest import ARMS, make_system
 
 from phcontrol import (
     EnergyShaping,
@@ -19,6 +18,7 @@ from phcontrol import (
 from phcontrol.analysis.certificate import MATCHING_TOLERANCE
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.mechanics.state import INTERCONNECTIONS
+from tests.conftest import ARMS, make_system
 
 
 @pytest.mark.parametrize("form", INTERCONNECTIONS)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.conftest import make_system
 
 from phcontrol import (
     NOTHING,
@@ -22,6 +21,7 @@ from phcontrol import (
     make_controller,
 )
 from phcontrol.controllers.controller import EMPTY
+from tests.conftest import make_system
 
 GAINS = {"stiffness": 15.0, "damping": 10.0}
 EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}

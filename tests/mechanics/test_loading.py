@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.conftest import FINGERS
 
 from phcontrol import InvalidArgumentError, MechanicalSystem, RobotDescriptionError, UnknownNameError, load_robot
+from tests.conftest import FINGERS
 
 INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'

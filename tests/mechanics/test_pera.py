@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
-from tests.conftest import SHIPPED, make_system
-from tests.mechanics import appendix_a
 
 from phcontrol import MechanicalSystem, load_robot
+from tests.conftest import SHIPPED, make_system
+from tests.mechanics import appendix_a
 
 EXACT = 1e-12  # sums of some thirty products of numbers of order one
 

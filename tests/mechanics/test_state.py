@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from tests.finite_differences import derivative, gradient, relative_error
 
 from phcontrol import InvalidArgumentError, MechanicalSystem, StribeckFriction, UnknownNameError, load_robot
 from phcontrol.mechanics.robot import REFERENCES
 from phcontrol.mechanics.state import INTERCONNECTIONS
+from tests.finite_differences import derivative, gradient, relative_error
 
 DERIVATIVE = 1e-7  # relative; fourth-order differences leave about 1e-11
 STATES = 5

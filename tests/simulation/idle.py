@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phcontrol import NOTHING, Controller, Shaping
+from phcontrol import NOTHING, Controller, Shaping, Target
 
 
 class IdleLaw(Controller):
@@ -23,8 +23,6 @@ class IdleLaw(Controller):
         return np.concatenate([x.position, x.transformed_momentum])
 
     def target(self, t, x, state, measured=NOTHING):
-        from phcontrol import Target
-
         n = x.system.n
         zero, inverse = np.zeros((n, n)), x.solve_factor(np.eye(n))
         return Target(

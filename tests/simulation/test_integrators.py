@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from phcontrol import INTEGRATORS, MechanicalSystem, StribeckFriction, load_robot, make_controller, simulate
 from phcontrol.simulation.closed_loop import ClosedLoop
+from tests.simulation.idle import IdleLaw
 
 DURATION = 0.5
 
@@ -50,7 +51,7 @@ def test_implicit_midpoint_keeps_the_energy_of_the_frictionless_pera():
 
     def energy_error(dt, duration):
         log = simulate(
-            system, Idle(system), duration=duration, dt=dt, v0=np.full(7, 0.5), integrator="implicit_midpoint"
+            system, IdleLaw(system), duration=duration, dt=dt, v0=np.full(7, 0.5), integrator="implicit_midpoint"
         )
         total = log.kinetic_energy + log.potential_energy
         return np.abs(total - total[0])
@@ -60,13 +61,6 @@ def test_implicit_midpoint_keeps_the_energy_of_the_frictionless_pera():
     assert second <= 1.5 * first
     assert error.max() <= 2e-3  # [J], of some 10 J that swing
     assert energy_error(1e-3, 1.0).max() == pytest.approx(energy_error(2e-3, 1.0).max() / 4.0, rel=0.1)
-
-
-def Idle(system):  # noqa: N802 - makes a controller
-    """No torque at all, as a law."""
-    from tests.simulation.idle import IdleLaw
-
-    return IdleLaw(system)
 
 
 def test_implicit_midpoint_solves_stiff_steps():
