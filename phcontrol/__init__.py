@@ -2,10 +2,16 @@
 
 from phcontrol._version import __version__
 from phcontrol.analysis.certificate import Certificate, certify
+from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
+from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.controllers.controller import Command, Controller, Shaping, Target
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.schedule import Schedule
+from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, Wrench
 from phcontrol.exceptions import (
     DataFileError,
     InvalidArgumentError,
@@ -23,7 +29,10 @@ from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
@@ -32,33 +41,52 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "CanonicalCheck",
     "Certificate",
     "Command",
     "Controller",
     "DataFileError",
+    "Disturbance",
     "EnergyShaping",
+    "Equilibrium",
     "ForceFeedback",
+    "ForceSensor",
+    "GainBound",
     "GripperSpring",
+    "IntegralAction",
     "InvalidArgumentError",
     "Log",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
     "MissingMeasurementError",
+    "MomentumObserver",
     "NonFiniteTorqueError",
     "PHControlError",
     "PowerBalance",
+    "Pulse",
     "Robot",
     "RobotDescriptionError",
+    "Sampled",
+    "Schedule",
     "Shaping",
     "SimulationError",
     "SimulationInterrupted",
+    "Sine",
+    "Step",
     "StribeckFriction",
     "Target",
+    "TotalForceRejection",
     "UnknownNameError",
+    "Wrench",
     "__version__",
     "certify",
+    "check_canonical_transformation",
+    "damping_for_gain",
+    "equilibrium",
+    "l2_gain",
     "load_robot",
     "make_controller",
+    "measured_l2_gain",
     "simulate",
 ]

@@ -102,3 +102,12 @@ def choice(kind: str, value: Any, options: Iterable[str]) -> str:
     if value not in known:
         raise UnknownNameError(kind, str(value), known)
     return str(value)
+
+
+def whole_multiple(name: str, period: float, step: float) -> int:
+    """Return how many steps [s] make a period [s]; it must be a whole number."""
+    ratio = positive(name, period) / step
+    multiple = round(ratio)
+    if multiple < 1 or abs(ratio - multiple) > 1e-6 * multiple:
+        raise InvalidArgumentError(name, f"must be a whole multiple of dt = {step:g} s, but is {period:g} s")
+    return multiple

@@ -22,6 +22,7 @@ from phcontrol.exceptions import (
     SimulationInterrupted,
 )
 from phcontrol.experiments.position import run_position
+from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.state import INTERCONNECTIONS
@@ -126,6 +127,21 @@ def run_position_command(
     typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
     if not result.certificate.passed:
         raise typer.Exit(1)
+
+
+def _add_study(name: str, summary: str) -> None:
+    @run_app.command(name, help=f"Run {summary}; write figures, logs and claims.json.", short_help=summary)
+    @reports_errors
+    def command(out: Annotated[Path | None, typer.Option(help="Folder. Default: results/NAME.")] = None) -> None:
+        folder = Path("results") / name if out is None else out
+        _check_writable(folder)
+        outcome = run_study(name)
+        typer.echo(outcome.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
+
+
+for _name, _study in STUDIES.items():
+    _add_study(_name, _study.summary)
 
 
 @app.command()

@@ -10,7 +10,7 @@ import numpy as np
 from phcontrol._validation import Array, count
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured
+from phcontrol.sensors.measured import Measured, measure_truly
 
 MATCHING_TOLERANCE = 1e-6
 """On the matching and gradient residuals: finite differences of fourth order leave about 1e-10."""
@@ -139,7 +139,7 @@ def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.
     state = controller.random_state(generator)
     time, force = float(generator.uniform(0.0, 10.0)), generator.normal(scale=5.0, size=n)
     flow = _Flow(controller, plant, time, position, velocity, state, force)
-    target = controller.target(time, flow.model_state(0.0), state, Measured(external_force=force))
+    target = controller.target(time, flow.model_state(0.0), state, flow.measured)
     promised, actual = target.rate(force), flow.derivative(flow.coordinates)
     scale = max(1.0, float(np.abs(actual).max()))
     matching = float(np.abs(actual - promised).max()) / scale
@@ -177,10 +177,11 @@ class _Flow:
     ) -> None:
         self.controller, self.time, self.state = controller, time, state
         self.position, self.velocity = position, velocity
-        self.measured = Measured(external_force=force)
+        x = plant.at(position, velocity)
+        self.measured = measure_truly(x, force, Measured._fields)
         command = controller.evaluate(time, controller.system.at(position, velocity), state, self.measured)
         self.state_rate = command.state_rate
-        self.acceleration = plant.at(position, velocity).acceleration(command.torque, force)
+        self.acceleration = x.acceleration(command.torque, force)
 
     def model_state(self, shift: float) -> Any:
         """Return the controller's view of the plant ``shift`` seconds along the flow."""

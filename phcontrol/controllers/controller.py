@@ -92,8 +92,6 @@ class Controller(ABC):
 
     name: ClassVar[str]
     """The law's name on the command line."""
-    needs: ClassVar[tuple[str, ...]] = ()
-    """Fields of Measured that the law cannot do without."""
 
     def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
         if not isinstance(system, MechanicalSystem):
@@ -121,9 +119,19 @@ class Controller(ABC):
         """Return the promised closed loop at one state."""
 
     @property
+    def state_parts(self) -> dict[str, int]:
+        """Lengths of the parts of the controller's own state, by name, in their order."""
+        return {}
+
+    @property
     def state_size(self) -> int:
         """Length of the controller's own state."""
-        return 0
+        return sum(self.state_parts.values())
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Fields of Measured that the law cannot do without."""
+        return ()
 
     @classmethod
     @abstractmethod

@@ -79,9 +79,14 @@ class ForceFeedback(Controller):
         return {"goal": goal, "stiffness": stiffness, "damping": damping, "coupling": 0.5, "force_gain": 2.0}
 
     @property
-    def state_size(self) -> int:
-        """Length of z: one for each joint."""
-        return self.system.n
+    def state_parts(self) -> dict[str, int]:
+        """The force state z, one for each joint."""
+        return {"force": self.system.n}
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The external force, when it is measured."""
+        return ("external_force",) if self.measured else ()
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A z, the rate of z, and the effort −K_p q̃ − G C ŷ."""
@@ -89,12 +94,18 @@ class ForceFeedback(Controller):
         driving = spring + self._measurement(measured, "external_force") if self.measured else spring
         state_rate = x.transformed_rate(driving).dot(self._port)
         output = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        return Shaping(
+            spring - self._injected(output), offset_rate=self._negative_coupling.dot(state_rate), state_rate=state_rate
+        )
+
+    def _injected(self, velocity: Array) -> Array:
+        """Return G C Gᵀv, the injected damping at a velocity v = T⁻ᵀp̂ [N·m]."""
         input_matrix = self.system.input_matrix
         if input_matrix is None:
-            injected = self.damping.dot(output)
+            force: Array = self.damping.dot(velocity)
         else:
-            injected = input_matrix.dot(self.damping.dot(input_matrix.T.dot(output)))
-        return Shaping(spring - injected, offset_rate=self._negative_coupling.dot(state_rate), state_rate=state_rate)
+            force = input_matrix.dot(self.damping.dot(input_matrix.T.dot(velocity)))
+        return force
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + ½q̃ᵀK_p q̃ + ½zᵀK_z⁻¹z [J]."""

@@ -11,6 +11,8 @@ from phcontrol._validation import choice
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.mechanics.system import MechanicalSystem
 
 
@@ -40,6 +42,17 @@ CONTROLLERS: dict[str, Entry] = {
         "Theorem 3.2.1 and (3.40), errata E12",
         "q, q̇, external force",
         {"measured": True},
+    ),
+    "integral_action": Entry(
+        IntegralAction,
+        "force feedback with an integral that takes up a constant unknown force",
+        "Theorem 3.2.5, errata E13",
+    ),
+    "total_force_rejection": Entry(
+        TotalForceRejection,
+        "holds a position and cancels the measured total force in the same instant",
+        "(3.55) to (3.58), errata E7",
+        "q, q̇, total force",
     ),
 }
 

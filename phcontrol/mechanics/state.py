@@ -160,10 +160,20 @@ class MechanicalState:
             force = force - potential.gradient(self.position)
         return force
 
+    def total_force(self, external_force: Array | None = None) -> Array:
+        """Return f = −∂H/∂q − D q̇ + f_e = Cᵀq̇ − ∂V/∂q − D q̇ + f_e, shape (n,) [N·m]: ṗ but for the motors (3.52)."""
+        force: Array = self.coriolis_matrix.T.dot(self.velocity) - self.potential_gradient
+        if self.system.friction is not None:
+            force -= self.friction_torque
+        if external_force is not None:
+            force += external_force
+        return force
+
     def momentum_rate(self, torque: Array, external_force: Array | None = None) -> Array:
-        """Return ṗ = Cᵀq̇ − ∂V/∂q − D q̇ + G u + f_e, shape (n,) [N·m]."""
-        inertial: Array = self.coriolis_matrix.T.dot(self.velocity) - self.gravity
-        return inertial + self.applied_force(torque, external_force)
+        """Return ṗ = f + G u, shape (n,) [N·m]."""
+        matrix = self.system.input_matrix
+        rate: Array = self.total_force(external_force) + (torque if matrix is None else matrix.dot(torque))
+        return rate
 
     def position_error(self, target: Array) -> Array:
         """Return q ⊖ target, shape (n,) [rad]; in continuous joints wrapped to (−π, π]."""
@@ -236,6 +246,16 @@ class MechanicalState:
         rate: Array = self.transformed_momentum.dot(self._relative_factor_rate)
         rate += self.solve_factor(remaining)
         return rate
+
+    def structure_rate(self, form: str, velocity: Array) -> Array:
+        """Return (J̄₂ − D̄)Tᵀs for a velocity s [rad/s] and a form of J̄₂, shape (n,)."""
+        momentum: Array = velocity.dot(self.factor)
+        losses = np.zeros(self.system.n) if self.damping is None else self.damping * velocity
+        if form == "coriolis":
+            rate: Array = momentum.dot(self._relative_factor_rate)
+            return rate - self.solve_factor(self.coriolis_matrix.dot(velocity) + losses)
+        rate = self.interconnection(form).dot(momentum)
+        return rate - self.solve_factor(losses)
 
     @lazy
     def coriolis_interconnection(self) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 from phcontrol._validation import Array
+from phcontrol.mechanics.state import MechanicalState
 
 
 class Measured(NamedTuple):
@@ -12,7 +14,17 @@ class Measured(NamedTuple):
 
     external_force: Array | None = None
     """f_e, shape (n,): generalised force of the environment on the joints [N·m]."""
+    total_force: Array | None = None
+    """f = −∂H/∂q − D q̇ + f_e, shape (n,): all forces but the motors' (3.52) [N·m]."""
 
 
 NOTHING = Measured()
 """No measurement at all."""
+
+
+def measure_truly(x: MechanicalState, external_force: Array, quantities: Collection[str]) -> Measured:
+    """Return what perfect sensors of the named quantities would show at a state of the plant."""
+    return Measured(
+        external_force=external_force if "external_force" in quantities else None,
+        total_force=x.total_force(external_force) if "total_force" in quantities else None,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,10 +21,11 @@ from phcontrol.sensors.measured import Measured
 if TYPE_CHECKING:
     import pandas
 
-    from phcontrol.simulation.closed_loop import ClosedLoop
+    from phcontrol.simulation.vector_field import ClosedLoop
 
 FORMAT = "phcontrol-log-1"
 _RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state")
+_MEASURED = "measured_"
 _DERIVED = (
     "kinetic_energy",
     "potential_energy",
@@ -34,6 +36,7 @@ _DERIVED = (
     "control_power",
     "external_power",
 )
+_DERIVED_VECTORS = ("force_output",)
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,9 @@ class Log:
         self._states: Array = np.zeros((0, 0))
 
     @classmethod
-    def empty(cls, loop: ClosedLoop, samples: int, state_size: int, metadata: dict[str, Any]) -> Log:
+    def empty(
+        cls, loop: ClosedLoop, samples: int, state_size: int, measured: Sequence[str], metadata: dict[str, Any]
+    ) -> Log:
         """Return a log with room for a run, to be filled by ``record``."""
         n = loop.n
         states: Array = np.zeros((samples, 2 * n + state_size))
@@ -90,6 +95,7 @@ class Log:
             "torque": np.zeros((samples, n)),
             "external_force": np.zeros((samples, n)),
         }
+        data |= {f"{_MEASURED}{quantity}": np.zeros((samples, n)) for quantity in measured}
         log = cls(data, metadata, loop)
         log._length, log._states = 0, states
         return log
@@ -102,6 +108,12 @@ class Log:
         data["torque"][k] = torque
         data["external_force"][k] = external_force
         self._length = k + 1
+
+    def record_measured(self, k: int, measured: Measured) -> None:
+        """Write what the sensors showed at sample k."""
+        for quantity, value in measured._asdict().items():
+            if value is not None:
+                self._data[f"{_MEASURED}{quantity}"][k] = value
 
     def truncated(self) -> Log:
         """Return the part that was recorded."""
@@ -146,6 +158,11 @@ class Log:
         """The controller's own state, shape (N, size)."""
         return self._data["controller_state"]
 
+    @property
+    def measured(self) -> dict[str, Array]:
+        """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
+        return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
+
     # --- derived ------------------------------------------------------------------------------------
 
     @property
@@ -174,6 +191,11 @@ class Log:
         return self._derived["supplied_power"]
 
     @property
+    def force_output(self) -> Array:
+        """portᵀ∇H_d, shape (N, n) [rad/s]: the velocity with which f_e does work on H_d."""
+        return self._derived["force_output"]
+
+    @property
     def friction_power(self) -> Array:
         """q̇ᵀD q̇: what the plant's friction takes, shape (N,) [W]."""
         return self._derived["friction_power"]
@@ -200,18 +222,20 @@ class Log:
 
     @lazy
     def _derived(self) -> dict[str, Array]:
-        if all(name in self._data for name in _DERIVED):
-            return {name: self._data[name] for name in _DERIVED}
+        names = (*_DERIVED, *_DERIVED_VECTORS)
+        if all(name in self._data for name in names):
+            return {name: self._data[name] for name in names}
         loop = self._loop
         if loop is None:
             raise PHControlError("this log has no energies and no closed loop to derive them from")
-        rows = np.zeros((len(self.time), len(_DERIVED)))
+        rows, outputs = np.zeros((len(self.time), len(_DERIVED))), np.zeros_like(self.position)
         for k, t in enumerate(self.time):
             x = loop.plant.at(self.position[k], self.velocity[k])
             view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
             state, force = self.controller_state[k], self.external_force[k]
             measured = Measured(external_force=force)
             target = loop.controller.target(t, view, state, measured)
+            outputs[k] = target.port.T @ target.gradient
             rows[k] = (
                 x.kinetic_energy,
                 x.potential_energy,
@@ -222,7 +246,7 @@ class Log:
                 x.output @ self.torque[k],
                 x.velocity @ force,
             )
-        return dict(zip(_DERIVED, rows.T.copy(), strict=True))
+        return dict(zip(_DERIVED, rows.T.copy(), strict=True)) | {"force_output": outputs}
 
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.
@@ -248,7 +272,8 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
-        data = {name: self._data[name] for name in _RECORDED} | self._derived
+        kept = [name for name in self._data if name in _RECORDED or name.startswith(_MEASURED)]
+        data = {name: self._data[name] for name in kept} | self._derived
         limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
         metadata = self.metadata | {"format": FORMAT}
         if limit is not None:
@@ -267,7 +292,7 @@ class Log:
             raise DataFileError(f"cannot read {path} as a log: {error}") from error
         if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
             raise DataFileError(f"cannot read {path}: not a log of format {FORMAT}")
-        missing = [name for name in (*_RECORDED, *_DERIVED) if name not in data]
+        missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
         if missing or len({len(array) for array in data.values()}) != 1:
             raise DataFileError(f"cannot read {path}: incomplete log (missing {missing or 'rows'})")
         return cls(data, metadata)
@@ -283,5 +308,5 @@ class Log:
         for quantity in ("position", "velocity", "torque", "external_force"):
             columns |= {f"{quantity}/{name}": self._data[quantity][:, i] for i, name in enumerate(names)}
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
-        columns |= self._derived
+        columns |= {name: self._derived[name] for name in _DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from phcontrol import (
@@ -146,21 +146,64 @@ def test_a_torque_that_is_not_finite_never_leaves(shoulder):
         controller.evaluate(2.0, shoulder.at([0.0, 0.0]), np.array([np.nan, 0.0]))
 
 
+def test_total_force_rejection_needs_no_model_of_gravity_and_friction(shoulder, rng):
+    """u = −f + Ṫp̄ − K_p q̃ − C q̇ (errata E7), with f measured: another gravity in the model changes nothing."""
+    blind = MechanicalSystem(shoulder.robot, friction=None, gravity=[0.0, 0.0, 0.0])
+    q, v, force = rng.normal(size=(3, 2))
+    measured = Measured(total_force=shoulder.at(q, v).total_force(force))
+    torques = [
+        make_controller("total_force_rejection", system, [1.0, 0.5], stiffness=15.0, damping=10.0)
+        .evaluate(0.0, system.at(q, v), EMPTY, measured)
+        .torque
+        for system in (shoulder, blind)
+    ]
+    np.testing.assert_allclose(torques[0], torques[1], atol=1e-12)
+
+
 positive = st.floats(0.05, 50.0)
+gain_matrices = st.lists(st.floats(-3, 3), min_size=9, max_size=9).map(lambda entries: np.reshape(entries, (3, 3)))
+
+
+def storage_rate(controller, x, state):
+    """Ḣ_d = ∇H_dᵀẋ under the true dynamics, relative to the powers it is made of."""
+    h = 1e-5
+    command = controller.evaluate(0.0, x, state)
+    acceleration = x.acceleration(command.torque)
+
+    def coordinates(t):
+        moved = x.system.at(x.position + t * x.velocity, x.velocity + t * acceleration)
+        return controller.coordinates(0.0, moved, state + t * command.state_rate)
+
+    rates = (coordinates(h) - coordinates(-h)) / (2.0 * h)
+    parts = controller.target(0.0, x, state).gradient * rates
+    return parts.sum() / np.abs(parts).sum()
 
 
 @given(stiffness=positive, damping=positive, a=positive, kz=positive, seed=st.integers(0, 2**32 - 1))
 def test_storage_never_grows_whatever_the_gains(stiffness, damping, a, kz, seed):
-    """Ḣ_d = ∇H_dᵀẋ under the true dynamics, at a random state, for random positive gains."""
     system, rng = make_system("pera_shoulder_elbow"), np.random.default_rng(seed)
     controller = ForceFeedback(
         system, goal=rng.normal(size=3), stiffness=stiffness, damping=damping, coupling=a, force_gain=kz
     )
-    x, z = random_state(system, rng), rng.normal(size=3)
-    command = controller.evaluate(0.0, x, z)
-    acceleration = x.acceleration(command.torque)
-    momentum_rate = x.factor.T @ acceleration + x.factor_rate.T @ x.velocity
-    target = controller.target(0.0, x, z)
-    rates = np.concatenate([x.velocity, momentum_rate - a * command.state_rate, command.state_rate])
-    parts = target.gradient * rates
-    assert parts.sum() <= 1e-10 * np.abs(parts).sum()
+    assert storage_rate(controller, random_state(system, rng), rng.normal(size=3)) <= 1e-6
+
+
+@given(root=gain_matrices, integral=gain_matrices, seed=st.integers(0, 2**32 - 1))
+def test_integral_gains_inside_the_condition_never_make_the_storage_grow_and_others_are_refused(root, integral, seed):
+    """K_iᵀK_p + K_pK_i > 0 is what the storage function needs, and what the constructor asks for."""
+    system, rng = make_system("pera_shoulder_elbow"), np.random.default_rng(seed)
+    stiffness = root @ root.T + np.eye(3)
+    product = stiffness @ integral
+    smallest = np.linalg.eigvalsh(product + product.T)[0]
+    assume(abs(smallest) > 1e-9)
+
+    def make():
+        return make_controller(
+            "integral_action", system, rng.normal(size=3), stiffness=stiffness, integral_gain=integral
+        )
+
+    if smallest < 0.0:
+        with pytest.raises(InvalidArgumentError, match="integral_gain: K_iᵀK_p \\+ K_pK_i must be positive definite"):
+            make()
+    else:
+        assert storage_rate(make(), random_state(system, rng), rng.normal(size=6)) <= 1e-6

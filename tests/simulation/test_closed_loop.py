@@ -27,7 +27,10 @@ EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}
 
 @pytest.mark.parametrize("law", list(CONTROLLERS))
 def test_laws_bring_the_shoulder_to_its_goal_and_storage_never_grows(shoulder, law):
-    log = simulate(shoulder, make_controller(law, shoulder, goal=[1.0, 0.5], stiffness=60.0), duration=6.0)
+    # the integral settles with the time constant C = 15 N·m·s/rad over 1 N·m/rad, all else within a second
+    duration = 20.0 if law == "integral_action" else 6.0
+    controller = make_controller(law, shoulder, goal=[1.0, 0.5], stiffness=60.0)
+    log = simulate(shoulder, controller, duration=duration, dt=2e-3)
     np.testing.assert_allclose(log.position[-1], [1.0, 0.5], atol=1e-4)
     assert np.diff(log.storage).max() <= 1e-12 * log.storage[0]
 
@@ -45,6 +48,15 @@ def test_a_constant_force_shifts_the_equilibrium_as_the_stiffness_says(shoulder)
         np.testing.assert_allclose(log.position[-1], expected, atol=1e-3)
 
 
+@pytest.mark.parametrize("measured", [False, True])
+def test_the_same_on_the_seven_joint_arm(pera, measured):
+    force, stiffness = np.array([2.0, -2.0, 1.0, 1.0, -0.5, 0.2, 0.2]), np.array([30.0, 30, 20, 20, 15, 6, 6])
+    goal = np.array([-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2])
+    controller = make_controller("force_feedback", pera, goal, measured=measured, stiffness=stiffness)
+    log = simulate(pera, controller, duration=10.0, dt=5e-3, disturbance=force)
+    np.testing.assert_allclose(log.position[-1], goal + measured * force / stiffness, atol=1e-3)
+
+
 def test_modeled_feedback_takes_up_the_load_in_its_state(shoulder):
     """z∞ = −A⁻¹(ḠCḠᵀ)⁻¹B̄f_e (theory 4.2)."""
     force, A = np.array([3.0, -3.0]), np.diag([0.5, 0.7])
@@ -54,6 +66,23 @@ def test_modeled_feedback_takes_up_the_load_in_its_state(shoulder):
     G = x.transformed_input
     expected = -np.linalg.solve(A, np.linalg.solve(10.0 * G @ G.T, x.solve_factor(force)))
     np.testing.assert_allclose(log.controller_state[-1], expected, rtol=1e-3)
+
+
+def test_integral_action_holds_the_goal_and_finds_the_force(shoulder):
+    """Theorem 3.2.5 with errata E13: q → q_d, ξ → f_e, with the time constant C/(1 N·m/rad) = 5 s."""
+    force = np.array([3.0, -3.0])
+    controller = make_controller("integral_action", shoulder, goal=[1.0, 0.5], stiffness=15.0, damping=5.0)
+    log = simulate(shoulder, controller, duration=60.0, dt=1e-2, disturbance=force)
+    np.testing.assert_allclose(log.position[-1], [1.0, 0.5], atol=1e-4)
+    np.testing.assert_allclose(log.controller_state[-1, 2:], force, atol=1e-3)
+
+
+def test_total_force_rejection_does_not_feel_the_force(shoulder):
+    controller = make_controller("total_force_rejection", shoulder, goal=[1.0, 0.5])
+    pushed, free = (
+        simulate(shoulder, controller, duration=1.0, dt=5e-3, disturbance=force) for force in ([3.0, -3.0], [0.0, 0.0])
+    )
+    np.testing.assert_allclose(pushed.position, free.position, atol=1e-10)
 
 
 def test_sampled_control_converges_to_continuous_control_with_the_period(shoulder):

@@ -1,0 +1,108 @@
+"""One law after another."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array, number
+from phcontrol.controllers.controller import Command, Controller, Shaping, Target
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+
+
+class Schedule(Controller):
+    """Law A until t₁, then law B until t₂, and so on.
+
+    Hand-over of the controllers' states: the schedule's state has one part for each name that any of the
+    laws uses (``state_parts``: "force" for z, "integral" for ξ). Laws that use the same part share it,
+    so that it goes on where the last law left it; a part that the active law does not use is held, and
+    a part no law has used yet is zero. So force feedback handed over to integral action goes on with its
+    z, and ξ starts from zero.
+
+    Each law's storage function and target hold while it is active. At a switch H_d may jump: stability
+    of the switched loop is not claimed.
+
+    Args:
+        steps: pairs (start time [s], law) in increasing order, the first at 0; all on one system.
+    """
+
+    name = "schedule"
+
+    def __init__(self, steps: Sequence[tuple[float, Controller]]) -> None:
+        if not steps:
+            raise InvalidArgumentError("steps", "must hold at least one pair (start time, law)")
+        self.starts = [number("start time", start) for start, _ in steps]
+        self.laws = [law for _, law in steps]
+        if self.starts[0] != 0.0 or any(a >= b for a, b in zip(self.starts, self.starts[1:], strict=False)):
+            raise InvalidArgumentError("steps", f"start times must increase from 0, but are {self.starts}")
+        if any(law.system is not self.laws[0].system for law in self.laws):
+            raise InvalidArgumentError("steps", "all laws must be made with the same system")
+        super().__init__(self.laws[0].system, self.laws[0].interconnection)
+        self._parts: dict[str, int] = {}
+        for law in self.laws:
+            self._parts |= law.state_parts
+        ends = np.cumsum([0, *self._parts.values()])
+        places = {name: np.arange(a, b) for name, a, b in zip(self._parts, ends, ends[1:], strict=False)}
+        self._places = [
+            np.concatenate([np.zeros(0, dtype=int), *(places[name] for name in law.state_parts)]) for law in self.laws
+        ]
+
+    @property
+    def state_parts(self) -> dict[str, int]:
+        """Every part that one of the laws uses."""
+        return dict(self._parts)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What any of the laws needs."""
+        return tuple(dict.fromkeys(quantity for law in self.laws for quantity in law.needs))
+
+    @classmethod
+    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
+        """Refuse: a schedule has laws, not gains."""
+        raise InvalidArgumentError("Schedule", "make it of laws: Schedule([(0.0, law), (10.0, other_law)])")
+
+    def active(self, t: float) -> Controller:
+        """Return the law that acts at time t [s]."""
+        return self.laws[self._index(t)]
+
+    def _index(self, t: float) -> int:
+        return max(0, bisect.bisect_right(self.starts, t) - 1)
+
+    def _part(self, t: float, state: Array) -> tuple[Controller, Array]:
+        index = self._index(t)
+        return self.laws[index], state[self._places[index]]
+
+    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
+        """Return the active law's torque; parts of the state that it does not use are held."""
+        law, part = self._part(t, state)
+        command = law.evaluate(t, x, part, measured)
+        rate = np.zeros(self.state_size)
+        rate[self._places[self._index(t)]] = command.state_rate
+        return Command(command.torque, rate)
+
+    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
+        """State what the active law states."""
+        law, part = self._part(t, state)
+        return law.shape(t, x, part, measured)
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return the active law's storage function [J]."""
+        law, part = self._part(t, state)
+        return law.storage(t, x, part, measured)
+
+    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return the active law's coordinates."""
+        law, part = self._part(t, state)
+        return law.coordinates(t, x, part, measured)
+
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the active law's promise."""
+        law, part = self._part(t, state)
+        return law.target(t, x, part, measured)

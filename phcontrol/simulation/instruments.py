@@ -1,0 +1,53 @@
+"""The sensors of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array, whole_multiple
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.sensors.measured import Measured
+from phcontrol.sensors.sensor import Sensor
+from phcontrol.simulation.vector_field import ClosedLoop
+
+
+class Instruments:
+    """The sensors of a run and their states."""
+
+    def __init__(self, sensors: Sequence[Sensor], dt: float) -> None:
+        self.sensors = list(sensors)
+        quantities = [sensor.quantity for sensor in self.sensors]
+        if len(set(quantities)) != len(quantities):
+            raise InvalidArgumentError("sensors", f"must not have two for the same quantity, but has {quantities}")
+        self._strides = [
+            1 if sensor.period is None else whole_multiple("period", sensor.period, dt) for sensor in sensors
+        ]
+        self._states: list[Any] = []
+        self._torques: list[Array] = []
+        self._last_torque: Array | None = None
+
+    def observe(self, k: int, t: float, loop: ClosedLoop, y: Array) -> Measured:
+        """Update the sensors that are due at step k and return what all show."""
+        x = loop.plant_state(t, y)
+        if k == 0:
+            self._states = [sensor.start(x, loop.external_force) for sensor in self.sensors]
+            self._torques = [np.zeros(loop.n) for _ in self.sensors]
+        elif self._last_torque is not None:
+            # a continuous controller's torque changes during a step: its mean over the step
+            applied = 0.5 * (self._last_torque + loop.torque)
+            self._torques = [torque + applied for torque in self._torques]
+        readings: dict[str, Array] = {}
+        for i, (sensor, stride) in enumerate(zip(self.sensors, self._strides, strict=True)):
+            if k % stride == 0:
+                mean_torque = self._torques[i] / stride
+                self._states[i] = sensor.update(self._states[i], t, x, loop.external_force, mean_torque)
+                self._torques[i] = np.zeros(loop.n)
+            readings[sensor.quantity] = sensor.reading(self._states[i])
+        return Measured(**readings)
+
+    def applied(self, torque: Array) -> None:
+        """Note the torque at the start of a step."""
+        self._last_torque = torque

@@ -1,0 +1,127 @@
+"""The vector field of plant and controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array, vector
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import Measured, measure_truly
+
+ExternalForce = Callable[[float, MechanicalState], Array]
+"""External force f_e(t, x) [N·m], shape (n,)."""
+
+
+class ClosedLoop:
+    """The vector field of plant and controller, on y = (q, q̇, controller state)."""
+
+    def __init__(
+        self,
+        plant: MechanicalSystem,
+        controller: Controller,
+        disturbance: ExternalForce | Array | None,
+        torque_limit: Array | None,
+        control_period: float | None,
+    ) -> None:
+        self.plant, self.controller, self.model = plant, controller, controller.system
+        self.n = plant.n
+        self.torque = np.zeros(self.n)
+        """The applied torque of the last evaluation [N·m]."""
+        self.external_force = np.zeros(self.n)
+        """f_e of the last evaluation [N·m]."""
+        self.torque_limit = torque_limit
+        self.control_period = control_period
+        self._end = 2 * self.n
+        self._plant_state, self._model_state = plant.state_type, self.model.state_type
+        self._same_model = self.model is plant
+        self._disturbance = disturbance if callable(disturbance) else None
+        if disturbance is not None and not callable(disturbance):
+            self.external_force = disturbance
+        self._is_free = disturbance is None
+        self.measured: Measured | None = None
+        """What sensors show; None when the controller is shown the truth."""
+        self._truth = Measured(self.external_force)
+        self._needs = tuple(controller.needs)
+        self._needs_total_force = "total_force" in self._needs
+        self._held_rate: Array | None = None
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return ẏ; leaves the applied torque and f_e in ``torque`` and ``external_force``."""
+        n, end = self.n, self._end
+        x = self._plant_state(self.plant, y[:n], y[n:end])
+        state_rate = self._act(t, x, y)
+        acceleration = x.acceleration(self.torque, None if self._is_free else self.external_force)
+        if y.size == end:
+            return np.concatenate((x.velocity, acceleration))
+        return np.concatenate((x.velocity, acceleration, state_rate))
+
+    def momentum_rate(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return ṗ [N·m] and the rate of the controller's state."""
+        x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
+        state_rate = self._act(t, x, y)
+        return x.momentum_rate(self.torque, self.external_force), state_rate
+
+    def momentum(self, y: Array) -> Array:
+        """Return p = M(q)q̇ [N·m·s]."""
+        return self._plant_state(self.plant, y[: self.n], y[self.n : self._end]).momentum
+
+    def velocity(self, position: Array, momentum: Array) -> Array:
+        """Return q̇ = M(q)⁻¹p [rad/s]."""
+        factor = self._plant_state(self.plant, position, momentum).factor
+        solution: Array = lapack.dpotrs(factor, momentum, lower=1)[0]
+        return solution
+
+    def sample(self, t: float, y: Array) -> Array:
+        """Compute the torque to be held from now on, and advance the controller's state by one period."""
+        assert self.control_period is not None
+        if self._held_rate is not None and self._held_rate.size:
+            y = y.copy()
+            y[self._end :] += self.control_period * self._held_rate
+        self._held_rate = self._control(t, self._plant_state(self.plant, y[: self.n], y[self.n : self._end]), y)
+        return y
+
+    def plant_state(self, t: float, y: Array) -> MechanicalState:
+        """Return the plant's state at y, with f_e brought up to date."""
+        x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
+        if self._disturbance is not None:
+            self._disturb(t, x)
+        return x
+
+    def model_state(self, position: Array, velocity: Array) -> MechanicalState:
+        """Return the state as the controller's model sees it."""
+        return self._model_state(self.model, position, velocity)
+
+    def _act(self, t: float, x: MechanicalState, y: Array) -> Array:
+        """Bring torque and f_e up to date; return the rate of the controller's state."""
+        if self.control_period is None:
+            return self._control(t, x, y)
+        if self._disturbance is not None:
+            self._disturb(t, x)
+        return np.zeros(y.size - self._end)
+
+    def _control(self, t: float, x: MechanicalState, y: Array) -> Array:
+        if self._disturbance is not None:
+            self._disturb(t, x)
+        view = x if self._same_model else self.model_state(x.position, x.velocity)
+        measured = self.measured
+        if measured is None:
+            measured = measure_truly(x, self.external_force, self._needs) if self._needs_total_force else self._truth
+        torque, state_rate = self.controller.evaluate(t, view, y[self._end :], measured)
+        limit = self.torque_limit
+        if limit is not None:
+            torque = np.maximum(np.minimum(torque, limit), -limit)
+        self.torque = torque
+        return state_rate
+
+    def _disturb(self, t: float, x: MechanicalState) -> None:
+        assert self._disturbance is not None
+        force = self._disturbance(t, x)
+        if type(force) is not np.ndarray or force.shape != (self.n,) or force.dtype != np.float64:
+            force = vector("disturbance", force, self.n)
+        self.external_force = force
+        self._truth = Measured(force)
