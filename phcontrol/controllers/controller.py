@@ -68,11 +68,13 @@ class Target:
     """∇H_d with respect to x."""
     port: Array
     """How f_e enters, shape (len(x), n)."""
+    drift: Array | None = None
+    """What else drives ẋ, beside energy and f_e (a goal that moves, a force that is wished); None for nothing."""
 
     def rate(self, external_force: Array) -> Array:
         """Return ẋ as promised, under an external force [N·m]."""
         rate: Array = (self.interconnection - self.dissipation) @ self.gradient + self.port @ external_force
-        return rate
+        return rate if self.drift is None else rate + self.drift
 
 
 class Controller(ABC):
@@ -99,6 +101,11 @@ class Controller(ABC):
         self.system = system
         self.interconnection = choice("interconnection", interconnection, INTERCONNECTIONS)
         self._canonical = self.interconnection == "canonical"
+
+    @property
+    def caveat(self) -> str:
+        """What the law does not claim: empty when its closed loop is passive from f_e to ŷ."""
+        return ""
 
     # --- what a law states ----------------------------------------------------------------------
 

@@ -82,7 +82,7 @@ class IntegralAction(ForceFeedback):
         """State s = K_i q̃, ϑ = −A z, the rates of z and ξ, and the effort −K_p q̃ − G C ŷ − ξ."""
         force_state, integral = self._split(state)
         error = x.position_error(self.goal)
-        spring = self.stiffness.dot(-error)
+        spring = self.pull(x)
         shift, shift_rate = self.integral_gain.dot(error), self.integral_gain.dot(x.velocity)
         motion = x.structure_rate(self.interconnection, x.velocity + shift)
         state_rate = (x.solve_factor(spring) + motion).dot(self._port)
@@ -101,10 +101,9 @@ class IntegralAction(ForceFeedback):
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̃|² + ½q̃ᵀK_p q̃ + ½zᵀK_z⁻¹z + ½|ξ|² [J]."""
-        error, momentum = x.position_error(self.goal), self._adapted_momentum(x, state)
-        force_state, integral = self._split(state)
-        energy = momentum.dot(momentum) + error.dot(self.stiffness.dot(error))
-        return float(0.5 * (energy + force_state.dot(self._storage_gain.dot(force_state)) + integral.dot(integral)))
+        momentum, (force_state, integral) = self._adapted_momentum(x, state), self._split(state)
+        quadratic = momentum.dot(momentum) + force_state.dot(self._storage_gain.dot(force_state))
+        return float(0.5 * (quadratic + integral.dot(integral))) + self.potential(x)
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q̃, p̃, z, ξ)."""
@@ -120,7 +119,7 @@ class IntegralAction(ForceFeedback):
         J[n : 2 * n, 3 * n :], J[3 * n :, n : 2 * n] = -inverse, inverse.T
         gradient = np.concatenate(
             [
-                self.stiffness.dot(x.position_error(self.goal)),
+                -self.pull(x),
                 self._adapted_momentum(x, state),
                 self._storage_gain.dot(force_state),
                 integral,

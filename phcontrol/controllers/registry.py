@@ -8,9 +8,12 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import choice
+from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.mechanics.system import MechanicalSystem
@@ -53,6 +56,28 @@ CONTROLLERS: dict[str, Entry] = {
         "holds a position and cancels the measured total force in the same instant",
         "(3.55) to (3.58), errata E7",
         "q, q̇, total force",
+    ),
+    "force_control": Entry(
+        ForceControl,
+        "brings the force of the environment on the arm to a wished one",
+        "Theorem 4.1.1, errata E14 and E23",
+        "q, q̇, external force",
+    ),
+    "impedance_grasping": Entry(
+        ImpedanceGrasping,
+        "closes on a virtual position with a spring whose rest length gives way",
+        "Theorem 4.2.3, errata E15",
+        "q, q̇, external force",
+    ),
+    "classical_impedance": Entry(
+        ClassicalImpedance, "spring and damper to a virtual position, friction compensated (Hogan)", "(4.60)"
+    ),
+    "classical_impedance_compensated": Entry(
+        ClassicalImpedance,
+        "the same, with the measured external force cancelled",
+        "(4.61)",
+        "q, q̇, external force",
+        {"compensate_external_force": True},
     ),
 }
 

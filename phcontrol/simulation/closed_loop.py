@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+import warnings
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -15,7 +16,9 @@ from tqdm import tqdm
 from phcontrol._validation import Array, choice, finite_array, positive, vector, whole_multiple
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller
+from phcontrol.environments.body import Body
 from phcontrol.exceptions import InvalidArgumentError, PHControlError, SimulationError, SimulationInterrupted
+from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.instruments import Instruments
@@ -38,6 +41,7 @@ def simulate(
     control_period: float | None = None,
     torque_limit: Literal["robot"] | ArrayLike | None = "robot",
     sensors: Sequence[Sensor] | None = None,
+    bodies: Sequence[Body] = (),
     progress: bool | None = None,
 ) -> Log:
     """Run a plant under a controller and return the log.
@@ -59,6 +63,7 @@ def simulate(
             array gives other limits [N·m]; None clips nothing. ``Log.saturated`` says where it acted.
         sensors: what shows the controller the forces, each updated at the start of a step (or at its own period)
             and held until the next. By default every needed measurement is the truth, at every instant.
+        bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
         progress: show a progress bar; by default only on a terminal.
 
     Raises:
@@ -76,8 +81,14 @@ def simulate(
     if controller_state0 is not None:
         state = vector("controller_state0", controller_state0, state.size)
     loop = ClosedLoop(
-        system, controller, _disturbance(disturbance, system.n), _torque_limit(torque_limit, system), control_period
+        system,
+        controller,
+        _disturbance(disturbance, system.n),
+        _torque_limit(torque_limit, system),
+        control_period,
+        bodies,
     )
+    body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
     instruments = Instruments(sensors or (), dt) if sensors is not None else None
     stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
     steps = max(1, math.ceil(duration / dt - 1e-9))
@@ -85,6 +96,7 @@ def simulate(
         loop,
         steps + 1,
         state.size,
+        body_state.size,
         [] if instruments is None else [sensor.quantity for sensor in instruments.sensors],
         {
             "robot": system.robot.name,
@@ -98,7 +110,7 @@ def simulate(
                          "python": platform.python_version()},
         },
     )  # fmt: skip
-    y = np.concatenate([position, velocity, state])
+    y = np.concatenate([position, velocity, state, body_state])
     disable = None if progress is None else not progress
     done, k = 0, 0
     try:
@@ -149,3 +161,25 @@ def _torque_limit(value: Any, system: MechanicalSystem) -> Array | None:
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit
+
+
+def _check_bodies(bodies: Sequence[Body], x: MechanicalState, dt: float, integrator: str) -> Array:
+    """Return the bodies' states at rest. Refuse a body that starts inside the arm; warn of a step too long."""
+    fastest = 0.0
+    for number_, body in enumerate(bodies):
+        if not isinstance(body, Body):
+            raise InvalidArgumentError("bodies", f"must hold bodies, but number {number_} is {type(body).__name__}")
+        depth = -body.geometry.gap(x).distance
+        if depth > 1e-9:
+            raise InvalidArgumentError(
+                "bodies", f"number {number_} starts inside the arm, {depth:.3g} deep: move it or q0"
+            )
+        fastest = max(fastest, body.fastest_rate(x))
+    reach = INTEGRATORS[integrator].stability
+    if fastest * dt > reach:
+        longest = reach / fastest
+        message = (
+            f"dt = {dt:g} s is too long for the stiffest body: with {integrator} at most {longest:.2g} s is stable"
+        )
+        warnings.warn(message, stacklevel=3)
+    return np.concatenate([np.zeros(0), *(body.initial_state() for body in bodies)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import zipfile
@@ -21,10 +22,11 @@ from phcontrol.sensors.measured import Measured
 if TYPE_CHECKING:
     import pandas
 
+    from phcontrol.mechanics.state import MechanicalState
     from phcontrol.simulation.vector_field import ClosedLoop
 
 FORMAT = "phcontrol-log-1"
-_RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state")
+_RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
 _MEASURED = "measured_"
 _DERIVED = (
     "kinetic_energy",
@@ -35,6 +37,10 @@ _DERIVED = (
     "friction_power",
     "control_power",
     "external_power",
+    "contact_force",
+    "contact_energy",
+    "contact_power",
+    "contact_work",
 )
 _DERIVED_VECTORS = ("force_output",)
 
@@ -54,6 +60,15 @@ class PowerBalance:
         """Difference rate − (supplied − dissipated) [W]; zero for an exact run."""
         residual: Array = self.rate - (self.supplied - self.dissipated)
         return residual
+
+    @property
+    def energy_drift(self) -> float:
+        """Largest |∫residual dt| [J]: how much energy appeared or vanished up to any sample.
+
+        Where a force has a kink (a touch) the residual has a narrow spike, and this says what it amounts to.
+        """
+        gained = np.cumsum(0.5 * (self.residual[1:] + self.residual[:-1]) * np.diff(self.time))
+        return float(np.abs(gained).max(initial=0.0))
 
     @property
     def largest_residual(self) -> float:
@@ -82,16 +97,23 @@ class Log:
 
     @classmethod
     def empty(
-        cls, loop: ClosedLoop, samples: int, state_size: int, measured: Sequence[str], metadata: dict[str, Any]
+        cls,
+        loop: ClosedLoop,
+        samples: int,
+        state_size: int,
+        body_state_size: int,
+        measured: Sequence[str],
+        metadata: dict[str, Any],
     ) -> Log:
         """Return a log with room for a run, to be filled by ``record``."""
         n = loop.n
-        states: Array = np.zeros((samples, 2 * n + state_size))
+        states: Array = np.zeros((samples, 2 * n + state_size + body_state_size))
         data: dict[str, Array] = {
             "time": np.zeros(samples),
             "position": states[:, :n],
             "velocity": states[:, n : 2 * n],
-            "controller_state": states[:, 2 * n :],
+            "controller_state": states[:, 2 * n : 2 * n + state_size],
+            "body_state": states[:, 2 * n + state_size :],
             "torque": np.zeros((samples, n)),
             "external_force": np.zeros((samples, n)),
         }
@@ -159,6 +181,11 @@ class Log:
         return self._data["controller_state"]
 
     @property
+    def body_state(self) -> Array:
+        """The touched bodies' own states, shape (N, size)."""
+        return self._data["body_state"]
+
+    @property
     def measured(self) -> dict[str, Array]:
         """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
         return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
@@ -211,6 +238,21 @@ class Log:
         return self._derived["external_power"]
 
     @property
+    def contact_force(self) -> Array:
+        """Sum of the bodies' contact forces, shape (N,) [N, or N·m at a joint]."""
+        return self._derived["contact_force"]
+
+    @property
+    def contact_energy(self) -> Array:
+        """Energy stored in the bodies and contacts, shape (N,) [J]."""
+        return self._derived["contact_energy"]
+
+    @property
+    def contact_power(self) -> Array:
+        """Power dissipated in the bodies and contacts, shape (N,) [W]."""
+        return self._derived["contact_power"]
+
+    @property
     def saturated(self) -> Array:
         """Where a torque limit acted, shape (N,), True or False."""
         limit = None if self._loop is None else self._loop.torque_limit
@@ -241,12 +283,30 @@ class Log:
                 x.potential_energy,
                 loop.controller.storage(t, view, state, measured),
                 target.gradient @ target.dissipation @ target.gradient,
-                target.gradient @ (target.port @ force),
+                target.gradient @ (target.port @ force)
+                + (0.0 if target.drift is None else target.gradient @ target.drift),
                 0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
                 x.output @ self.torque[k],
                 x.velocity @ force,
+                *self._contacts(k, x),
             )
         return dict(zip(_DERIVED, rows.T.copy(), strict=True)) | {"force_output": outputs}
+
+    def _contacts(self, k: int, x: MechanicalState) -> tuple[float, float, float, float]:
+        """Return force, stored energy and dissipated power of the bodies, and their power on the arm, at sample k."""
+        assert self._loop is not None
+        bodies = self._loop.bodies
+        if not bodies:
+            return 0.0, 0.0, 0.0, 0.0
+        ends = np.cumsum([0, *(body.state_size for body in bodies)])
+        parts = [self.body_state[k, a:b] for a, b in itertools.pairwise(ends)]
+        touches = [body.touch(x, part) for body, part in zip(bodies, parts, strict=True)]
+        return (
+            sum(touch.magnitude for touch in touches),
+            sum(touch.stored for touch in touches),
+            sum(touch.dissipated for touch in touches),
+            sum(float(touch.force.dot(x.velocity)) for touch in touches),
+        )
 
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.
@@ -254,10 +314,16 @@ class Log:
         ``of="storage"`` checks the closed loop: Ḣ_d = supplied_power − dissipated_power, the promise of the
         law. A held (sampled) or saturated torque is not the law's; what that costs shows as residual.
         ``of="plant"`` checks the arm alone: Ḣ = yᵀu + q̇ᵀf_e − q̇ᵀD q̇, whatever the torque.
+        ``of="all"`` checks arm and touched bodies together, whose contact forces are inner ones.
         The residual is of the order of dt⁴ where everything is smooth, and larger where a force jumps.
         """
-        if choice("energy", of, ("storage", "plant")) == "storage":
+        choice("energy", of, ("storage", "plant", "all"))
+        if of == "storage":
             stored, supplied, lost = self.storage, self.supplied_power, self.dissipated_power
+        elif of == "all":
+            stored = self.kinetic_energy + self.potential_energy + self.contact_energy
+            supplied = self.control_power + self.external_power - self._derived["contact_work"]
+            lost = self.friction_power + self.contact_power
         else:
             stored = self.kinetic_energy + self.potential_energy
             supplied, lost = self.control_power + self.external_power, self.friction_power

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.linalg import lapack
 
 from phcontrol._validation import Array, vector
 from phcontrol.controllers.controller import Controller
+from phcontrol.environments.body import Body
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
@@ -18,7 +19,7 @@ ExternalForce = Callable[[float, MechanicalState], Array]
 
 
 class ClosedLoop:
-    """The vector field of plant and controller, on y = (q, q̇, controller state)."""
+    """The vector field of plant, controller and bodies, on y = (q, q̇, controller state, bodies' states)."""
 
     def __init__(
         self,
@@ -27,6 +28,7 @@ class ClosedLoop:
         disturbance: ExternalForce | Array | None,
         torque_limit: Array | None,
         control_period: float | None,
+        bodies: Sequence[Body] = (),
     ) -> None:
         self.plant, self.controller, self.model = plant, controller, controller.system
         self.n = plant.n
@@ -36,13 +38,18 @@ class ClosedLoop:
         """f_e of the last evaluation [N·m]."""
         self.torque_limit = torque_limit
         self.control_period = control_period
+        self.bodies = tuple(bodies)
         self._end = 2 * self.n
+        self._bodies_start = self._end + controller.state_size
         self._plant_state, self._model_state = plant.state_type, self.model.state_type
         self._same_model = self.model is plant
         self._disturbance = disturbance if callable(disturbance) else None
         if disturbance is not None and not callable(disturbance):
             self.external_force = disturbance
-        self._is_free = disturbance is None
+        self._steady_force = self.external_force
+        self._is_free = disturbance is None and not self.bodies
+        self._varies = self._disturbance is not None or bool(self.bodies)
+        self._bodies_rate = np.zeros(0)
         self.measured: Measured | None = None
         """What sensors show; None when the controller is shown the truth."""
         self._truth = Measured(self.external_force)
@@ -58,12 +65,14 @@ class ClosedLoop:
         acceleration = x.acceleration(self.torque, None if self._is_free else self.external_force)
         if y.size == end:
             return np.concatenate((x.velocity, acceleration))
+        if self.bodies:
+            return np.concatenate((x.velocity, acceleration, state_rate, self._bodies_rate))
         return np.concatenate((x.velocity, acceleration, state_rate))
 
     def momentum_rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Return ṗ [N·m] and the rate of the controller's state."""
+        """Return ṗ [N·m] and the rate of the controller's and the bodies' states."""
         x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
-        state_rate = self._act(t, x, y)
+        state_rate = np.concatenate((self._act(t, x, y), self._bodies_rate))
         return x.momentum_rate(self.torque, self.external_force), state_rate
 
     def momentum(self, y: Array) -> Array:
@@ -81,15 +90,15 @@ class ClosedLoop:
         assert self.control_period is not None
         if self._held_rate is not None and self._held_rate.size:
             y = y.copy()
-            y[self._end :] += self.control_period * self._held_rate
+            y[self._end : self._bodies_start] += self.control_period * self._held_rate
         self._held_rate = self._control(t, self._plant_state(self.plant, y[: self.n], y[self.n : self._end]), y)
         return y
 
     def plant_state(self, t: float, y: Array) -> MechanicalState:
         """Return the plant's state at y, with f_e brought up to date."""
         x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
-        if self._disturbance is not None:
-            self._disturb(t, x)
+        if self._varies:
+            self._disturb(t, x, y)
         return x
 
     def model_state(self, position: Array, velocity: Array) -> MechanicalState:
@@ -100,28 +109,42 @@ class ClosedLoop:
         """Bring torque and f_e up to date; return the rate of the controller's state."""
         if self.control_period is None:
             return self._control(t, x, y)
-        if self._disturbance is not None:
-            self._disturb(t, x)
-        return np.zeros(y.size - self._end)
+        if self._varies:
+            self._disturb(t, x, y)
+        return np.zeros(self._bodies_start - self._end)
 
     def _control(self, t: float, x: MechanicalState, y: Array) -> Array:
-        if self._disturbance is not None:
-            self._disturb(t, x)
+        if self._varies:
+            self._disturb(t, x, y)
         view = x if self._same_model else self.model_state(x.position, x.velocity)
         measured = self.measured
         if measured is None:
             measured = measure_truly(x, self.external_force, self._needs) if self._needs_total_force else self._truth
-        torque, state_rate = self.controller.evaluate(t, view, y[self._end :], measured)
+        torque, state_rate = self.controller.evaluate(t, view, y[self._end : self._bodies_start], measured)
         limit = self.torque_limit
         if limit is not None:
             torque = np.maximum(np.minimum(torque, limit), -limit)
         self.torque = torque
         return state_rate
 
-    def _disturb(self, t: float, x: MechanicalState) -> None:
-        assert self._disturbance is not None
-        force = self._disturbance(t, x)
-        if type(force) is not np.ndarray or force.shape != (self.n,) or force.dtype != np.float64:
-            force = vector("disturbance", force, self.n)
+    def _disturb(self, t: float, x: MechanicalState, y: Array) -> None:
+        """Bring f_e, and the rates of the bodies' states, up to date."""
+        force = self._steady_force
+        if self._disturbance is not None:
+            force = self._disturbance(t, x)
+            if type(force) is not np.ndarray or force.shape != (self.n,) or force.dtype != np.float64:
+                force = vector("disturbance", force, self.n)
+        if self.bodies:
+            touches = [body.touch(x, part) for body, part in zip(self.bodies, self.body_states(y), strict=True)]
+            force = force + sum(touch.force for touch in touches)
+            self._bodies_rate = np.concatenate([touch.state_rate for touch in touches])
         self.external_force = force
         self._truth = Measured(force)
+
+    def body_states(self, y: Array) -> list[Array]:
+        """Return each body's part of y."""
+        parts, start = [], self._bodies_start
+        for body in self.bodies:
+            parts.append(y[start : start + body.state_size])
+            start += body.state_size
+        return parts

@@ -48,6 +48,8 @@ def coupled_gains(law, rng):
         root = rng.normal(size=(3, 3))
         if name == "coupling":
             gains[name] = root + 3.0 * np.eye(3)
+        elif name == "force":
+            gains[name] = root[0]
         elif name != "goal":
             gains[name] = root @ root.T + np.eye(3)
     return gains

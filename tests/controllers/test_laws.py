@@ -124,7 +124,9 @@ def test_bad_gains_are_refused(shoulder, change, complaint):
 
 
 def test_unknown_names_are_refused_and_the_known_ones_listed(shoulder):
-    with pytest.raises(UnknownNameError, match="unknown controller 'pid'.*energy_shaping, force_feedback"):
+    with pytest.raises(
+        UnknownNameError, match="unknown controller 'pid'.*energy_shaping, force_control, force_feedback"
+    ):
         make_controller("pid", shoulder)
     with pytest.raises(UnknownNameError, match=r"unknown option 'stifness'.*Did you mean 'stiffness'\?.*coupling"):
         make_controller("force_feedback", shoulder, stifness=3.0)

@@ -46,7 +46,7 @@ def test_the_balance_shows_a_forged_torque(log):
     assert forged.power_balance("plant").largest_residual > 1e-2
 
 
-recorded = ("time", "position", "velocity", "torque", "external_force", "controller_state")
+recorded = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
 
 
 def test_sampling_shows_in_the_balance_of_the_storage_not_of_the_plant(log):

@@ -1,0 +1,83 @@
+"""Bodies that an arm can touch, and the one-sided spring and damper between surfaces."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+from phcontrol._validation import Array, number, positive
+from phcontrol.environments.contact_geometry import ContactGeometry
+from phcontrol.mechanics.state import MechanicalState
+
+
+class Touch(NamedTuple):
+    """What a body does at one state of arm and body."""
+
+    force: Array
+    """f_e of the body on the joints, shape (n,) [N·m]."""
+    state_rate: Array
+    """Rate of the body's own state."""
+    magnitude: float
+    """The contact force, ≥ 0 [N, or N·m for a joint]."""
+    stored: float
+    """Energy in the body and the contact [J]."""
+    dissipated: float
+    """Power lost in them, ≥ 0 [W]."""
+
+
+class Body(ABC):
+    """Something in the way of an arm. Without hidden state: its state is integrated with the loop."""
+
+    def __init__(self, geometry: ContactGeometry) -> None:
+        self.geometry = geometry
+
+    @property
+    def state_size(self) -> int:
+        """Length of the body's own state."""
+        return 0
+
+    @abstractmethod
+    def initial_state(self) -> Array:
+        """Return the body's state at rest."""
+
+    @abstractmethod
+    def touch(self, x: MechanicalState, state: Array) -> Touch:
+        """Return forces, rates, energy and losses at a state of the arm and of the body."""
+
+    @abstractmethod
+    def fastest_rate(self, x: MechanicalState) -> float:
+        """Return the fastest rate [1/s] at which contact reacts at a state: sets the largest stable step."""
+
+
+class Surface:
+    """A one-sided spring and damper: F = max(0, k δ + d φ(δ) δ̇), φ = min(1, δ/δ₀), for a depth δ > 0.
+
+    The damper sets in over the depth δ₀, so that F is continuous at first touch; F never pulls. What it
+    takes from the motion is never less than what it stores: F δ̇ − d/dt ½kδ² ≥ 0 always.
+
+    Args:
+        stiffness: k [N/m or N·m/rad].
+        damping: d [N·s/m or N·m·s/rad].
+        onset: δ₀ [m or rad].
+    """
+
+    def __init__(self, stiffness: float, damping: float, onset: float) -> None:
+        self.stiffness = positive("stiffness", stiffness)
+        self.damping = number("damping", damping, minimum=0.0)
+        self.onset = positive("onset", onset)
+
+    def push(self, depth: float, speed: float) -> tuple[float, float, float]:
+        """Return force F, stored energy and dissipated power at a depth δ and its rate δ̇."""
+        if depth <= 0.0:
+            return 0.0, 0.0, 0.0
+        elastic = self.stiffness * depth
+        force = max(0.0, elastic + self.damping * min(1.0, depth / self.onset) * speed)
+        return force, 0.5 * elastic * depth, (force - elastic) * speed
+
+    def fastest_rate(self, mass: float) -> float:
+        """Return the magnitude of the fastest pole of a mass on the surface [1/s]."""
+        if math.isinf(mass):
+            return 0.0
+        half, square = 0.5 * self.damping / mass, self.stiffness / mass
+        return half + math.sqrt(half * half - square) if half * half > square else math.sqrt(square)

@@ -1,0 +1,147 @@
+"""Where an arm touches something: a gap, and how it changes with the joints."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import coal
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, choice, number, vector
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
+from phcontrol.mechanics.state import MechanicalState
+
+
+class Gap(NamedTuple):
+    """The distance between arm and body at one state."""
+
+    distance: float
+    """g [m or rad]: positive apart, negative where they overlap."""
+    slope: Array
+    """∂g/∂q, shape (n,): a force F that pushes them apart acts on the joints as slope·F."""
+
+
+class ContactGeometry(Protocol):
+    """What a body needs to know of where it may be touched."""
+
+    def gap(self, x: MechanicalState) -> Gap:
+        """Return the gap at a state of the arm."""
+        ...
+
+
+class JointContact:
+    """A body in the way of one joint: touched when the joint passes ``position``.
+
+    Args:
+        joint: the joint's name.
+        position: where contact begins [rad or m].
+        side: "below" when the body is met as the joint coordinate decreases (a gripper that closes so),
+            "above" when it is met as the coordinate increases.
+    """
+
+    def __init__(self, joint: str, position: float, side: str = "below") -> None:
+        self.joint = joint
+        self.position = number("position", position)
+        self._sign = 1.0 if choice("side", side, ("below", "above")) == "below" else -1.0
+
+    def gap(self, x: MechanicalState) -> Gap:
+        """Return the joint's distance from the body."""
+        index = x.system.robot.joint_index(self.joint)
+        slope = np.zeros(x.system.n)
+        slope[index] = self._sign
+        return Gap(self._sign * (float(x.position[index]) - self.position), slope)
+
+
+class SphereContact:
+    """A small sphere fixed at a frame of the arm, against a shape that is fixed in space.
+
+    Signed distance and normal come from coal, so that meshes work too. Contact is without friction: the
+    force acts along the normal, through the sphere's centre. A mesh is a surface without inside: the
+    sphere must not sink into it by more than its radius.
+
+    Args:
+        frame: the arm's frame that carries the sphere at its origin.
+        radius: of the sphere [m].
+        shape: "plane" (the half space below z = 0 of its own frame), "sphere", "box", or a coal shape.
+        size: of the shape: a sphere's radius, a box's three edges [m].
+        position: of the shape's origin in the world [m].
+        rotation: of the shape in the world, shape (3, 3).
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        radius: float,
+        shape: Any,
+        *,
+        size: ArrayLike | None = None,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike | None = None,
+    ) -> None:
+        self.frame = frame
+        self._sphere = coal.Sphere(number("radius", radius, minimum=1e-6))
+        self._shape = _shape(shape, size)
+        self._place = coal.Transform3s(_rotation(rotation), np.array(vector("position", position, 3)))
+        self._request = coal.DistanceRequest()
+        self._request.enable_signed_distance = True
+
+    @classmethod
+    def with_mesh(cls, frame: str, radius: float, path: str | os.PathLike[str], **pose: ArrayLike) -> SphereContact:
+        """Make a contact with a mesh file that coal can read (STL, OBJ, DAE). Raises RobotDescriptionError."""
+        if not Path(path).is_file():
+            raise RobotDescriptionError(f"{path}: no such mesh file")
+        try:
+            mesh = coal.MeshLoader().load(os.fspath(path))
+        except Exception as error:  # coal raises several kinds
+            raise RobotDescriptionError(f"{path}: cannot be read as a mesh: {error}") from error
+        return cls(frame, radius, mesh, **pose)
+
+    def gap(self, x: MechanicalState) -> Gap:
+        """Return the sphere's distance from the shape."""
+        centre = x.placement(self.frame).translation
+        result = coal.DistanceResult()
+        here = coal.Transform3s(np.eye(3), centre)
+        distance = coal.distance(self._sphere, here, self._shape, self._place, self._request, result)
+        away = -np.asarray(result.normal).ravel()  # coal's normal points from the sphere to the shape
+        slope: Array = away.dot(x.frame_jacobian(self.frame, "local_world_aligned")[:3])
+        return Gap(float(distance), slope)
+
+
+def _shape(shape: Any, size: ArrayLike | None) -> Any:
+    if not isinstance(shape, str):
+        if not isinstance(shape, coal.CollisionGeometry):
+            raise InvalidArgumentError(
+                "shape", f"must be plane, sphere, box or a coal shape, but is {type(shape).__name__}"
+            )
+        return shape
+    choice("shape", shape, ("plane", "sphere", "box"))
+    if shape == "plane":
+        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+    if size is None:
+        raise InvalidArgumentError("size", f"is needed for a {shape}")
+    if shape == "sphere":
+        return coal.Sphere(number("size", float(np.asarray(size)), minimum=1e-6))
+    edges = vector("size", size, 3)
+    if (edges <= 0.0).any():
+        raise InvalidArgumentError("size", "edges must be > 0")
+    return coal.Box(*edges.tolist())
+
+
+def _rotation(rotation: ArrayLike | None) -> Array:
+    if rotation is None:
+        return np.eye(3)
+    matrix = np.array(rotation, dtype=float)
+    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-9) or np.linalg.det(matrix) < 0:
+        raise InvalidArgumentError("rotation", "must be a rotation matrix of shape (3, 3)")
+    return matrix
+
+
+def effective_mass(x: MechanicalState, slope: Array) -> float:
+    """Return the mass felt along a gap, 1/(∂g/∂q M⁻¹ ∂g/∂qᵀ) [kg or kg·m²]."""
+    reduced = x.solve_factor(slope)
+    inverse = float(reduced.dot(reduced))
+    return 1.0 / inverse if inverse > 0.0 else math.inf
