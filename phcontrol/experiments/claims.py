@@ -20,6 +20,7 @@ class Claim:
     """Where in the thesis."""
     printed: tuple[float, ...]
     ours: tuple[float, ...]
+    """Infinite for what never happens; null in JSON."""
     unit: str
     tolerance: float
     """Largest difference that counts as agreement, from how many digits are printed."""
@@ -49,7 +50,7 @@ class Claim:
             "statement": self.statement,
             "source": self.source,
             "printed": list(self.printed),
-            "ours": [float(value) for value in self.ours],
+            "ours": [float(value) if np.isfinite(value) else None for value in self.ours],
             "unit": self.unit,
             "tolerance": self.tolerance,
             "verdict": self.verdict,
@@ -58,6 +59,8 @@ class Claim:
 
     def __str__(self) -> str:
         def values(numbers: tuple[float, ...]) -> str:
+            if not np.isfinite(numbers).all():
+                return "never"
             return (
                 "(" + ", ".join(f"{number:.4g}" for number in numbers) + ")"
                 if len(numbers) > 1

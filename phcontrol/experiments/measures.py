@@ -1,0 +1,27 @@
+"""Numbers read off a log with contact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phcontrol.simulation.log import Log
+
+
+def touch_time(log: Log) -> float:
+    """Return when contact begins [s]; infinite if never."""
+    rows = np.flatnonzero(log.contact_force > 0.0)
+    return float(log.time[rows[0]]) if rows.size else float("inf")
+
+
+def arrival_time(log: Log, position: float, within: float) -> float:
+    """Return when the first joint has come within a distance of a position it approaches from above [s]."""
+    rows = np.flatnonzero(log.position[:, 0] <= position + within)
+    return float(log.time[rows[0]]) if rows.size else float("inf")
+
+
+def settling_time(log: Log, force: float, within: float = 0.05) -> float:
+    """Return from when the contact force stays within a fraction of a wished one [s]; infinite if never."""
+    outside = np.flatnonzero(np.abs(log.contact_force - force) > within * force)
+    if outside.size == 0:
+        return 0.0
+    return float(log.time[outside[-1] + 1]) if outside[-1] + 1 < len(log) else float("inf")
