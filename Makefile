@@ -12,7 +12,7 @@ demo: $(READY)
 	$(BIN)/phcontrol run position --robot pera --out results/position
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

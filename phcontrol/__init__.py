@@ -4,14 +4,23 @@ from phcontrol._version import __version__
 from phcontrol.analysis.certificate import Certificate, certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Command, Controller, Shaping, Target
 from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.controllers.force_regulation import ForceRegulation
+from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
+from phcontrol.controllers.task_potentials import Holding
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.environments.body import Body
+from phcontrol.environments.compliant_body import CompliantBody
+from phcontrol.environments.contact_geometry import JointContact, SphereContact
 from phcontrol.environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, Wrench
+from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.exceptions import (
     DataFileError,
     InvalidArgumentError,
@@ -41,20 +50,28 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "Body",
     "CanonicalCheck",
     "Certificate",
+    "ClassicalImpedance",
     "Command",
+    "CompliantBody",
     "Controller",
     "DataFileError",
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "ForceControl",
     "ForceFeedback",
+    "ForceRegulation",
     "ForceSensor",
     "GainBound",
     "GripperSpring",
+    "Holding",
+    "ImpedanceGrasping",
     "IntegralAction",
     "InvalidArgumentError",
+    "JointContact",
     "Log",
     "Measured",
     "MechanicalState",
@@ -65,6 +82,7 @@ __all__ = [
     "PHControlError",
     "PowerBalance",
     "Pulse",
+    "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
@@ -73,6 +91,7 @@ __all__ = [
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "SphereContact",
     "Step",
     "StribeckFriction",
     "Target",

@@ -43,9 +43,9 @@ class ForceControl(DynamicExtension):
         force_gain: K_z, positive definite.
         holding: potentials U, see :class:`Holding`.
         feedforward: False for the thesis's law without −f_d in u.
-        approach_speed: v_max [rad/s]: without contact, w is held when |T⁻ᵀA w| would grow beyond it, and the
-            feedforward waits; otherwise w winds up in free motion. Passivity of the switched law is not
-            proved. None for no limit.
+        approach_speed: v_max [rad/s]: without contact the feedforward waits, and w is held when |T⁻ᵀA w|
+            would grow beyond v_max; otherwise w winds up in free motion. Passivity of the switched law is
+            not proved. None for no limit.
         contact_threshold: |f_e| from which there is contact [N·m].
         interconnection: which J̄₂ the target is written with.
     """
@@ -127,19 +127,22 @@ class ForceControl(DynamicExtension):
         force = self._measurement(measured, "external_force")
         pull, leading = self.pull(x), x.solve_factor_transposed(self.coupling.dot(state))
         state_rate = x.transformed_rate(pull + force).dot(self._port)
-        driving = pull if self.feedforward else self._held(x)
-        if self._must_hold(x, leading, state_rate, force):
-            state_rate, driving = np.zeros_like(state_rate), self._held(x)
+        approaching = self._is_approaching(force)
+        driving = pull if self.feedforward and not approaching else self._held(x)
+        if approaching and self._is_too_fast(x, leading, state_rate):
+            state_rate = np.zeros_like(state_rate)
         return Shaping(
             driving - self._injected(x.velocity - leading),
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )
 
-    def _must_hold(self, x: MechanicalState, leading: Array, state_rate: Array, force: Array) -> bool:
-        """Whether w leads the arm too fast through free space."""
-        if math.isinf(self.approach_speed) or float(np.abs(force).max()) > self.contact_threshold:
-            return False
+    def _is_approaching(self, force: Array) -> bool:
+        """Whether the approach speed is limited and there is no contact yet."""
+        return math.isfinite(self.approach_speed) and float(np.abs(force).max()) <= self.contact_threshold
+
+    def _is_too_fast(self, x: MechanicalState, leading: Array, state_rate: Array) -> bool:
+        """Whether w leads the arm at v_max and would lead it faster still."""
         if leading.dot(leading) < self.approach_speed**2:
             return False
         return bool(leading.dot(x.solve_factor_transposed(self.coupling.dot(state_rate))) > 0.0)

@@ -35,7 +35,7 @@ def test_gradients_of_task_potentials(pera, rng):
 
 def test_holding_is_zero_and_flat_at_its_posture(pera):
     potential, x = holding(pera), pera.at(pera.robot.home)
-    assert potential.energy(x) == 0.0
+    assert potential.energy(x) < 1e-20
     np.testing.assert_allclose(potential.gradient(x), 0.0, atol=1e-12)
 
 
@@ -51,7 +51,7 @@ def test_force_control_in_space_with_holding_is_port_hamiltonian(pera, form):
 def test_without_feedforward_the_certificate_says_what_is_not_claimed(form):
     """The thesis's law (E23): it is what its equations say, but f_d drives w from outside."""
     system = make_system("pera_shoulder_elbow")
-    law = ForceControl(system, force=[3.0, -2.0, 1.0], feedforward=False, interconnection=form, **GAINS)
+    law = ForceControl(system, force=[60.0, -40.0, 20.0], feedforward=False, interconnection=form, **GAINS)
     certificate = certify(law, samples=20)
     assert certificate.matching_passed
     assert certificate.structure_passed

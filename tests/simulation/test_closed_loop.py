@@ -25,11 +25,15 @@ THESIS = {"goal": [1.0, 0.5], "stiffness": 15.0, "damping": 10.0}  # section 3.4
 EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}
 
 
-@pytest.mark.parametrize("law", list(CONTROLLERS))
+POSITION_LAWS = {name: {"stiffness": 60.0} for name in CONTROLLERS if name != "force_control"}
+POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "rest_stiffness": 3.0}
+
+
+@pytest.mark.parametrize("law", list(POSITION_LAWS))
 def test_laws_bring_the_shoulder_to_its_goal_and_storage_never_grows(shoulder, law):
     # the integral settles with the time constant C = 15 N·m·s/rad over 1 N·m/rad, all else within a second
-    duration = 20.0 if law == "integral_action" else 6.0
-    controller = make_controller(law, shoulder, goal=[1.0, 0.5], stiffness=60.0)
+    duration = 20.0 if law in ("integral_action", "impedance_grasping") else 6.0
+    controller = make_controller(law, shoulder, goal=[1.0, 0.5], **POSITION_LAWS[law])
     log = simulate(shoulder, controller, duration=duration, dt=2e-3)
     np.testing.assert_allclose(log.position[-1], [1.0, 0.5], atol=1e-4)
     assert np.diff(log.storage).max() <= 1e-12 * log.storage[0]
