@@ -193,8 +193,8 @@ def _force_claims(logs: dict[str, Log], printed: Printed) -> list[Claim]:
     peaks = [float(logs[law].contact_force.max()) for law in ("regulated", "classical-regulated")]
     claims.append(
         Claim("impact-regulated", "peak force of ours over that of the classical law, both regulated alike, is below 1",
-              "section 4.2.2", (0.5,), (peaks[0] / peaks[1],), "", 0.5, "E15", f"{peaks[0]:.2f} and {peaks[1]:.2f} N·m; "
-              "a soft body is hardly hit, and ours overshoots a little")
+              "section 4.2.2", (0.5,), (peaks[0] / peaks[1],), "", 0.5, "E15",
+              f"{peaks[0]:.2f} and {peaks[1]:.2f} N·m; a soft body is hardly hit, and ours overshoots a little")
     )  # fmt: skip
     return claims
 
