@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from phcontrol._differences import central_difference
 from phcontrol._validation import Array, count
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
@@ -204,9 +205,7 @@ class _Flow:
     def derivative(self, function: Any) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""
         step = _STEP / max(1.0, float(np.abs(self.velocity).max()))
-        near = function(step) - function(-step)
-        far = function(2.0 * step) - function(-2.0 * step)
-        return (8.0 * near - far) / (12.0 * step)
+        return central_difference(function, step)
 
 
 def _finite_or_none(value: Any) -> Any:

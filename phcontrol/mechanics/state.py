@@ -240,11 +240,12 @@ class MechanicalState:
         Both choices of J̄₂ agree on p̄, so this has no choice to make: it is
         Ṫᵀq̇ + T⁻¹(f − C q̇ − D q̇).
         """
+        factor, relative_rate = self.factor, self._relative_factor_rate
         remaining = force - self.coriolis_matrix.dot(self.velocity)
         if self.system.friction is not None:
             remaining -= self.friction_torque
-        rate: Array = self.transformed_momentum.dot(self._relative_factor_rate)
-        rate += self.solve_factor(remaining)
+        rate: Array = self.velocity.dot(factor).dot(relative_rate)
+        rate += _dtrtrs(factor, remaining, 1)[0]
         return rate
 
     def structure_rate(self, form: str, velocity: Array) -> Array:

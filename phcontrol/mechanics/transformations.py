@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from phcontrol._differences import central_difference
 from phcontrol._validation import Array, count
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
@@ -115,7 +116,7 @@ def check_canonical_transformation(
             dissipation = dissipation + added
         flow[n:] += state.input_matrix @ input_change(position, momentum, time)
         slope = _gradient(transformed, point)
-        drift = _difference(partial(_later, transformed, point, time))
+        drift = central_difference(partial(_later, transformed, point, time), _STEP)
         terms = slope * flow[:, None]
         scale = max(1.0, float(np.abs(terms).max()), float(np.abs(drift).max()))
         residual = max(residual, float(np.abs(terms.sum(axis=0) - drift).max()) / scale)
@@ -133,10 +134,5 @@ def _along(function: Callable[[Array], Array], point: Array, axis: Array, shift:
 
 def _gradient(function: Callable[[Array], Array], point: Array) -> Array:
     """Return the derivatives of a function along each coordinate, stacked first."""
-    return np.array([_difference(partial(_along, function, point, axis)) for axis in np.eye(point.size)])
-
-
-def _difference(function: Callable[[float], Array]) -> Array:
-    near = function(_STEP) - function(-_STEP)
-    far = function(2.0 * _STEP) - function(-2.0 * _STEP)
-    return (8.0 * near - far) / (12.0 * _STEP)
+    axes = np.eye(point.size)
+    return np.array([central_difference(partial(_along, function, point, axis), _STEP) for axis in axes])
