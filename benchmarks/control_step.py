@@ -16,7 +16,7 @@ import pinocchio as pin
 from reference import slotine_li
 from timing import interleaved
 
-from phcontrol import NOTHING, Measured, MechanicalSystem, load_robot, make_controller
+from phcontrol import Measured, MechanicalSystem, load_robot, make_controller
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.mechanics.state import INTERCONNECTIONS
 
@@ -49,17 +49,17 @@ def table(title: str, system: MechanicalSystem, rounds: int) -> None:
     force = generator.normal(size=system.n)
     law = slotine_li(system.model, np.array(system.robot.home), np.eye(system.n) * 20.0, 2.0)
     candidates: dict[str, Callable[[], object]] = {"Slotine-Li, by hand": lambda: law(q, v)}
-    bare = {"energy_shaping": "bare g", "force_feedback": "bare M C g", "force_feedback_measured": "bare M C g"}
+    bare = dict.fromkeys(CONTROLLERS, "bare M C g") | {"energy_shaping": "bare g", "classical_impedance": "bare g"}
     candidates |= bare_calls(system, q, v)
     for name in CONTROLLERS:
         for form in INTERCONNECTIONS:
             candidates[f"{name} {form}"] = step(system, name, form, q, v, force)
     times = interleaved(candidates, rounds)
     reference = times["Slotine-Li, by hand"].median
-    print(f"\n{title}\n{'':<36}{'median':>9}{'p99':>9}{'spread':>8}{'/ bare':>8}{'/ S-L':>8}  budget")
+    print(f"\n{title}\n{'':<44}{'median':>9}{'p99':>9}{'spread':>8}{'/ bare':>8}{'/ S-L':>8}  budget")
     for name, timing in times.items():
         law_name, _, form = name.partition(" ")
-        line = f"{name:<36}{timing.median:>6.1f} µs{timing.p99:>6.1f} µs{timing.spread:>8.0%}"
+        line = f"{name:<44}{timing.median:>6.1f} µs{timing.p99:>6.1f} µs{timing.spread:>8.0%}"
         if law_name in CONTROLLERS:
             budget = BUDGETS.get((law_name, form), CANONICAL_BUDGET if form == "canonical" else None)
             ratio = timing.median / reference
@@ -86,7 +86,7 @@ def step(
     """Return one control step of a law."""
     controller = make_controller(name, system, interconnection=form)
     state = np.full(controller.state_size, 0.1)
-    measured = Measured(external_force=force) if CONTROLLERS[name].options.get("measured") else NOTHING
+    measured = Measured(external_force=force, total_force=force)
     return lambda: controller.evaluate(0.0, system.at(q, v), state, measured)
 
 

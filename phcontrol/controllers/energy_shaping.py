@@ -48,6 +48,7 @@ class EnergyShaping(Controller):
         super().__init__(system, interconnection)
         self.goal = vector("goal", goal, system.n)
         self.stiffness = gain("stiffness", stiffness, system.n)
+        self._negative_stiffness = -self.stiffness
         self.damping = gain("damping", damping, system.n)
 
     @classmethod
@@ -58,10 +59,9 @@ class EnergyShaping(Controller):
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State θ = 0 and the effort −K_p q̃ − G C y."""
-        injected = self.damping.dot(x.output)
-        if self.system.input_matrix is not None:
-            injected = self.system.input_matrix.dot(injected)
-        return Shaping(self.stiffness.dot(-x.position_error(self.goal)) - injected)
+        matrix = self.system.input_matrix
+        injected = self.damping.dot(x.velocity) if matrix is None else matrix.dot(self.damping.dot(x.output))
+        return Shaping(self._negative_stiffness.dot(x.position_error(self.goal)) - injected)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½q̇ᵀM q̇ + ½q̃ᵀK_p q̃ [J]."""
