@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
 from phcontrol.controllers.controller import Controller, Shaping, Target, inertia_scaled_gains
-from phcontrol.controllers.force_regulation import ForceRegulation
-from phcontrol.controllers.impedance_grasping import check_regulation
+from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -80,7 +79,7 @@ class ClassicalImpedance(Controller):
     @property
     def caveat(self) -> str:
         """Say that regulation puts energy in."""
-        return "" if self.regulation is None else "the moving virtual position supplies energy; it is an outer loop"
+        return "" if self.regulation is None else OUTER_LOOP_CAVEAT
 
     def _error(self, x: MechanicalState, state: Array) -> Array:
         error = x.position_error(self.goal)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, positive, vector
+from phcontrol.exceptions import InvalidArgumentError
+
+OUTER_LOOP_CAVEAT = "the moving virtual position supplies energy; it is an outer loop"
+"""What no law claims whose virtual position a regulation moves."""
 
 
 class ForceRegulation:
@@ -30,3 +36,14 @@ class ForceRegulation:
         """Return q̇_f, shape (n,) [rad/s]."""
         rate: Array = self.gain * (external_force - self.force)
         return np.minimum(np.maximum(rate, -self.rate_limit), self.rate_limit)
+
+
+def check_regulation(regulation: Any, n: int) -> ForceRegulation | None:
+    """Return the regulation when it fits n joints; raise InvalidArgumentError when not."""
+    if regulation is None:
+        return None
+    if not isinstance(regulation, ForceRegulation):
+        raise InvalidArgumentError("regulation", f"must be a ForceRegulation, but is {type(regulation).__name__}")
+    if regulation.force.size != n:
+        raise InvalidArgumentError("regulation", f"is for {regulation.force.size} joints, the system has {n}")
+    return regulation

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
 from phcontrol.controllers.controller import Controller, Shaping, Target, inertia_scaled_gains
-from phcontrol.controllers.force_regulation import ForceRegulation
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -82,7 +81,7 @@ class ImpedanceGrasping(Controller):
     @property
     def caveat(self) -> str:
         """Say that regulation puts energy in."""
-        return "" if self.regulation is None else "the moving virtual position supplies energy; it is an outer loop"
+        return "" if self.regulation is None else OUTER_LOOP_CAVEAT
 
     def _split(self, x: MechanicalState, state: Array) -> tuple[Array, Array]:
         """Return q − q_f and q_rl."""
@@ -145,14 +144,3 @@ class ImpedanceGrasping(Controller):
             port=np.vstack([zero, zero if self.regulation is None else inverse, zero]),
             drift=drift,
         )
-
-
-def check_regulation(regulation: Any, n: int) -> ForceRegulation | None:
-    """Return the regulation when it fits n joints; raise InvalidArgumentError when not."""
-    if regulation is None:
-        return None
-    if not isinstance(regulation, ForceRegulation):
-        raise InvalidArgumentError("regulation", f"must be a ForceRegulation, but is {type(regulation).__name__}")
-    if regulation.force.size != n:
-        raise InvalidArgumentError("regulation", f"is for {regulation.force.size} joints, the system has {n}")
-    return regulation
