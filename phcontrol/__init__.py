@@ -45,6 +45,8 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.visualization.live import LiveView
+from phcontrol.visualization.recording import record
 
 __all__ = [
     "CONTROLLERS",
@@ -72,6 +74,7 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "LiveView",
     "Log",
     "Measured",
     "MechanicalState",
@@ -107,5 +110,6 @@ __all__ = [
     "load_robot",
     "make_controller",
     "measured_l2_gain",
+    "record",
     "simulate",
 ]

@@ -40,7 +40,11 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> Path:
     """Write ``data`` as indented JSON, atomically. Infinities and NaN are refused."""
-    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    return write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> Path:
+    """Write a text file in UTF-8, atomically."""
     return write_atomically(path, lambda file: _write_all(file, text.encode()))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeVar
 
 import typer
 
@@ -21,13 +22,17 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
 )
-from phcontrol.experiments.position import run_position
+from phcontrol.experiments.position import PositionRun, run_position
 from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.integrators import INTEGRATORS
+from phcontrol.simulation.log import Log
+
+if TYPE_CHECKING:
+    from phcontrol.visualization.live import LiveView
 
 app = typer.Typer(
     help="Energy-based control of robot arms, with a certificate for every controller.",
@@ -52,6 +57,13 @@ SetOption = Annotated[
     typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+ViewOption = Annotated[bool, typer.Option("--view", help="Watch in a browser, at the pace of the clock.")]
+RecordOption = Annotated[
+    Path | None, typer.Option(help="Write a page that plays the run, to be opened offline.", metavar="FILE.html")
+]
+PortOption = Annotated[
+    int | None, typer.Option(help="To serve the view on; 0 for any free one. Default: the first free one from 7000.")
+]
 
 
 def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -102,12 +114,16 @@ def run_position_command(
     settings: SetOption = None,
     samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
     out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/position"),
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
 ) -> None:
     """Take an arm from its home to a posture, and certify the law that does it."""
     system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
     _check_writable(out)
-    try:
-        result = run_position(
+    with _watching(view, port) as watch:
+        result = _run_position(
+            out,
             system,
             controller=controller,
             goal=None if goal is None else _goal(goal),
@@ -118,30 +134,57 @@ def run_position_command(
             dt=dt,
             integrator=integrator,
             control_period=control_period,
+            watch=watch,
         )
+        typer.echo(result.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
+        _record({"": result.log}, record)
+        if watch is not None:
+            watch.linger(result.log)
+    if not result.certificate.passed:
+        raise typer.Exit(1)
+
+
+def _run_position(out: Path, system: MechanicalSystem, **arguments: Any) -> PositionRun:
+    """Run, and when the run fails keep what there is of its log."""
+    try:
+        return run_position(system, **arguments)
     except SimulationError as error:
         if len(error.log):
             typer.echo(f"kept the log so far in {error.log.save(out / 'log-stopped.npz')}", err=True)
         raise
-    typer.echo(result.summary())
-    typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
-    if not result.certificate.passed:
-        raise typer.Exit(1)
 
 
 def _add_study(name: str, summary: str) -> None:
     @run_app.command(name, help=f"Run {summary}; write figures, logs and claims.json.", short_help=summary)
     @reports_errors
-    def command(out: Annotated[Path | None, typer.Option(help="Folder. Default: results/NAME.")] = None) -> None:
+    def command(
+        out: Annotated[Path | None, typer.Option(help="Folder. Default: results/NAME.")] = None,
+        view: Annotated[bool, typer.Option("--view", help="Then play its runs in a browser.")] = False,
+        record: RecordOption = None,
+        port: PortOption = None,
+    ) -> None:
         folder = Path("results") / name if out is None else out
         _check_writable(folder)
         outcome = run_study(name)
         typer.echo(outcome.summary())
         typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
+        _record(outcome.logs, record)
+        if view:
+            _show(outcome.logs, port)
 
 
 for _name, _study in STUDIES.items():
     _add_study(_name, _study.summary)
+
+
+@app.command("view")
+@reports_errors
+def view_command(
+    log: Annotated[Path, typer.Argument(help="A log that a run wrote (.npz).")], port: PortOption = None
+) -> None:
+    """Play a log in a browser: opens one, or prints the address."""
+    _show({"": Log.load(log)}, port)
 
 
 @app.command()
@@ -236,6 +279,40 @@ def main() -> None:
     except BrokenPipeError:  # the reader of our output has gone
         sys.stderr.close()
         sys.exit(1)
+
+
+@contextmanager
+def _watching(view: bool, port: int | None) -> Iterator[LiveView | None]:
+    """Give a live view, or nothing where none is wished."""
+    if not view:
+        yield None
+        return
+    from phcontrol.visualization.live import LiveView
+
+    with LiveView(port=port) as live:
+        yield live
+
+
+def _record(logs: Mapping[str, Log], path: Path | None) -> None:
+    """Write a page for each log; with several, the log's name is added to the file's."""
+    if path is None:
+        return
+    from phcontrol.visualization.recording import record
+
+    for name, log in logs.items():
+        target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
+        typer.echo(f"recorded {record(log, target)}")
+
+
+def _show(logs: Mapping[str, Log], port: int | None) -> None:
+    """Serve the pages of logs, one after another when the last is stopped."""
+    from phcontrol.visualization.recording import recorded_page
+    from phcontrol.visualization.server import view
+
+    for name, log in logs.items():
+        if name:
+            typer.echo(f"{name}:")
+        view(recorded_page(log), port=port)
 
 
 def _goal(text: str) -> dict[str, float] | list[float]:

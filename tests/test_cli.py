@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import signal
+import socket
 import subprocess
 import sys
+import urllib.error
+import urllib.request
 
 import pytest
 from typer.testing import CliRunner
@@ -143,8 +148,60 @@ def test_a_diverging_run_keeps_its_log(tmp_path, monkeypatch):
     assert not (tmp_path / "log.npz").exists()
 
 
+def test_a_run_is_recorded_as_a_page_and_a_log_again(tmp_path):
+    page = tmp_path / "pages" / "run.html"
+    result = run("run", "position", *QUICK, "--out", str(tmp_path), "--record", str(page))
+    assert result.exit_code == 0, result.output
+    assert f"recorded {page}" in result.output
+    assert "pera_shoulder under force_feedback" in page.read_text()
+    study = run("run", "fig-4-1", "--out", str(tmp_path), "--record", str(tmp_path / "ball.html"))
+    assert study.exit_code == 0, study.output
+    assert {item.name for item in tmp_path.glob("*.html")} == {
+        "ball-thesis.html", "ball-feedforward.html", "ball-unlimited.html",
+    }  # fmt: skip
+
+
+def test_view_serves_until_interrupted(tmp_path):
+    """The page of the log comes over HTTP, and Ctrl-C ends it as it should be ended."""
+    assert run("run", "position", *QUICK, "--out", str(tmp_path)).exit_code == 0
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    for command in (["view", str(tmp_path / "log.npz")], ["run", "position", *QUICK, "--out", str(tmp_path), "--view"]):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "phcontrol.cli", *command, "--port", "0"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        )  # fmt: skip
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if "press Ctrl-C to stop" in line:
+                break
+        address = re.search(r"http://127\.0\.0\.1:\d+/", lines[0]).group()
+        with urllib.request.urlopen(address) as answer:
+            assert "pera_shoulder under force_feedback" in answer.read().decode()
+        process.send_signal(signal.SIGINT)
+        _, complaints = process.communicate(timeout=30)
+        assert (process.returncode, complaints) == (0, "")
+        with pytest.raises(urllib.error.URLError):
+            urllib.request.urlopen(address)
+
+
+def test_a_taken_port_and_a_missing_log_are_one_clear_line(tmp_path):
+    assert run("run", "position", *QUICK, "--out", str(tmp_path)).exit_code == 0
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        for arguments in (["view", str(tmp_path / "log.npz")], ["run", "position", *QUICK, "--view"]):
+            result = run(*arguments, "--port", port, *(["--out", str(tmp_path)] * (arguments[0] == "run")))
+            assert result.exit_code == 2
+            assert result.stderr.startswith(f"error: port {port} cannot be used")
+            assert len(result.stderr.strip().splitlines()) == 1
+    assert run("view", str(tmp_path / "nothing.npz")).stderr.startswith("error: cannot read")
+
+
 def test_the_package_loads_neither_plots_nor_viewer_until_needed():
-    code = "import sys, phcontrol, phcontrol.cli; print([m for m in ('matplotlib', 'meshcat') if m in sys.modules])"
+    late = ("matplotlib", "meshcat", "trimesh", "tornado")
+    code = f"import sys, phcontrol, phcontrol.cli; print([m for m in {late} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
 

@@ -151,6 +151,11 @@ class Controller(ABC):
         """Return the controller's state to start with: zero."""
         return np.zeros(self.state_size)
 
+    def posture(self, t: float) -> Array | None:
+        """Return the posture that the law brings the arm to at time t [s], shape (n,) [rad]; None when it has none."""
+        goal = getattr(self, "goal", None)
+        return goal if isinstance(goal, np.ndarray) and goal.shape == (self.system.n,) else None
+
     def random_state(self, generator: np.random.Generator) -> Array:
         """Draw a controller state, for checks at random states."""
         return generator.normal(size=self.state_size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from phcontrol._validation import Array, number, positive
 from phcontrol.environments.contact_geometry import ContactGeometry
@@ -44,6 +44,15 @@ class Body(ABC):
     @abstractmethod
     def touch(self, x: MechanicalState, state: Array) -> Touch:
         """Return forces, rates, energy and losses at a state of the arm and of the body."""
+
+    def displacement(self, state: Array) -> float:
+        """Return how far the body's surface is pushed in along the gap [m or rad]."""
+        return 0.0
+
+    def record(self) -> dict[str, Any]:
+        """Return what it is and where, for logs; with it, a viewer draws the body again."""
+        describe = getattr(self.geometry, "record", None)
+        return {"kind": type(self).__name__, "geometry": {"kind": "other"} if describe is None else describe()}
 
     @abstractmethod
     def fastest_rate(self, x: MechanicalState) -> float:

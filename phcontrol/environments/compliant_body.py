@@ -62,6 +62,10 @@ class CompliantBody(Body):
         """Return the undeformed body at rest."""
         return np.zeros(2)
 
+    def displacement(self, state: Array) -> float:
+        """Return s [m or rad]."""
+        return float(state[0])
+
     def touch(self, x: MechanicalState, state: Array) -> Touch:
         """Return force, rates of (s, p), energy and losses."""
         displacement, momentum = float(state[0]), float(state[1])

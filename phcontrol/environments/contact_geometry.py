@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -46,7 +47,12 @@ class JointContact:
     def __init__(self, joint: str, position: float, side: str = "below") -> None:
         self.joint = joint
         self.position = number("position", position)
-        self._sign = 1.0 if choice("side", side, ("below", "above")) == "below" else -1.0
+        self.side = choice("side", side, ("below", "above"))
+        self._sign = 1.0 if self.side == "below" else -1.0
+
+    def record(self) -> dict[str, Any]:
+        """Return joint, position and side."""
+        return {"kind": "joint", "joint": self.joint, "position": self.position, "side": self.side}
 
     def gap(self, x: MechanicalState) -> Gap:
         """Return the joint's distance from the body."""
@@ -83,8 +89,10 @@ class SphereContact:
         rotation: ArrayLike | None = None,
     ) -> None:
         self.frame = frame
-        self._sphere = coal.Sphere(number("radius", radius, minimum=1e-6))
+        self.radius = number("radius", radius, minimum=1e-6)
+        self._sphere = coal.Sphere(self.radius)
         self._shape = _shape(shape, size)
+        self._named = {"shape": shape, "size": None if size is None else np.asarray(size, dtype=float).tolist()}
         self._place = coal.Transform3s(_rotation(rotation), np.array(vector("position", position, 3)))
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
@@ -98,17 +106,50 @@ class SphereContact:
             mesh = coal.MeshLoader().load(os.fspath(path))
         except Exception as error:  # coal raises several kinds
             raise RobotDescriptionError(f"{path}: cannot be read as a mesh: {error}") from error
-        return cls(frame, radius, mesh, **pose)
+        contact = cls(frame, radius, mesh, **pose)
+        contact._named = {"shape": "mesh", "path": str(Path(path).resolve())}
+        return contact
+
+    @property
+    def position(self) -> Array:
+        """Origin of the shape in the world, shape (3,) [m]."""
+        return np.array(self._place.getTranslation())
+
+    @property
+    def rotation(self) -> Array:
+        """Orientation of the shape in the world, shape (3, 3)."""
+        return np.array(self._place.getRotation())
+
+    def record(self) -> dict[str, Any]:
+        """Return frame, radius, shape and pose; a shape that has no name here is called "other"."""
+        named = self._named if isinstance(self._named["shape"], str) else {"shape": "other"}
+        pose = {"position": self.position.tolist(), "rotation": self.rotation.tolist()}
+        return {"kind": "sphere", "frame": self.frame, "radius": self.radius} | named | pose
 
     def gap(self, x: MechanicalState) -> Gap:
         """Return the sphere's distance from the shape."""
-        centre = x.placement(self.frame).translation
+        distance, away = self.meet(x.placement(self.frame).translation)
+        slope: Array = away.dot(x.frame_jacobian(self.frame, "local_world_aligned")[:3])
+        return Gap(distance, slope)
+
+    def meet(self, centre: Array) -> tuple[float, Array]:
+        """Return, for the sphere at a centre in the world [m], its distance and the direction away from the shape."""
         result = coal.DistanceResult()
         here = coal.Transform3s(np.eye(3), centre)
         distance = coal.distance(self._sphere, here, self._shape, self._place, self._request, result)
-        away = -np.asarray(result.normal).ravel()  # coal's normal points from the sphere to the shape
-        slope: Array = away.dot(x.frame_jacobian(self.frame, "local_world_aligned")[:3])
-        return Gap(float(distance), slope)
+        return float(distance), -np.asarray(result.normal).ravel()  # coal's points from the sphere to the shape
+
+
+def geometry_from_record(record: Mapping[str, Any]) -> JointContact | SphereContact:
+    """Return the geometry of which ``record()`` was kept. Raises RobotDescriptionError where that is impossible."""
+    if record.get("kind") == "joint":
+        return JointContact(record["joint"], record["position"], record["side"])
+    if record.get("kind") != "sphere" or record["shape"] == "other":
+        raise RobotDescriptionError("a touched body has a shape of its own that a log does not keep")
+    pose = {"position": record["position"], "rotation": record["rotation"]}
+    if record["shape"] == "mesh":
+        return SphereContact.with_mesh(record["frame"], record["radius"], record["path"], **pose)
+    return SphereContact(record["frame"], record["radius"], record["shape"], size=record["size"], **pose)
 
 
 def _shape(shape: Any, size: ArrayLike | None) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,7 +158,22 @@ class Wrench(Disturbance):
         """Return F at time t, shape (6,)."""
         return self._constant if self._function is None else vector("wrench", self._function(t), 6)
 
+    def world_force(self, t: float, x: MechanicalState) -> Array:
+        """Return the force of F in the world's axes, shape (3,) [N]: to be drawn."""
+        force = self.wrench(t)[:3]
+        rotated: Array = x.placement(self.frame).rotation @ force if self.reference == "local" else force
+        return rotated
+
     def __call__(self, t: float, x: MechanicalState) -> Array:
         """Return f_e = 𝒥ᵀF at time t."""
         force: Array = self.wrench(t).dot(x.frame_jacobian(self.frame, self.reference))
         return force
+
+
+def wrenches_of(disturbance: Any) -> tuple[Wrench, ...]:
+    """Return the wrenches at frames that a disturbance is, or is a sum of."""
+    if isinstance(disturbance, Wrench):
+        return (disturbance,)
+    if isinstance(disturbance, _Sum):
+        return wrenches_of(disturbance.parts[0]) + wrenches_of(disturbance.parts[1])
+    return ()

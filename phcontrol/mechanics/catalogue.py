@@ -38,6 +38,8 @@ class Description:
     reference_posture: str | None = None
     has_rotor_parameters: bool = False
     package_directories: tuple[Path, ...] = ()
+    text: str | None = None
+    """The URDF itself, where it is not to be read from ``path``."""
 
 
 def find(source: str | os.PathLike[str]) -> Description:

@@ -58,8 +58,30 @@ def load_robot(
     return robot
 
 
+def robot_from_record(record: Mapping[str, Any]) -> Robot:
+    """Return the arm of which :meth:`Robot.record` was kept, without friction and springs: to draw it.
+
+    Raises RobotDescriptionError when the record is of no robot.
+    """
+    try:
+        description = Description(
+            str(record["name"]),
+            Path(f"{record['name']}.urdf"),
+            extras={"tool_frame": record["tool_frame"], "camera_frame": record["camera_frame"]},
+            package_directories=tuple(Path(directory) for directory in record["package_directories"]),
+            text=str(record["urdf"]),
+        )
+        robot = _build(description, dict(record["locked_joints"]))
+        names = tuple(record["joint_names"])
+    except (KeyError, TypeError) as error:
+        raise RobotDescriptionError(f"not the record of a robot: {error!r}") from error
+    if robot.joint_names != names:
+        raise RobotDescriptionError(f"the record names joints {names}, its URDF has {robot.joint_names}")
+    return robot
+
+
 def _build(description: Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
-    root = _parse(description.path)
+    root = _parse(description.path, description.text)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint") if joint.get("type") != "fixed"}
     continuous = _make_continuous_revolute(joints)
     text = ET.tostring(root, encoding="unicode")
@@ -83,9 +105,9 @@ def _build(description: Description, locked_joints: Sequence[str] | Mapping[str,
     return _assemble(description, model, joints, home, continuous, mimics, locked, text)
 
 
-def _parse(path: Path) -> ET.Element:
+def _parse(path: Path, text: str | None = None) -> ET.Element:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8") if text is None else text
     except (OSError, UnicodeDecodeError) as error:
         raise RobotDescriptionError(f"{path}: cannot be read: {error}") from error
     if "<!DOCTYPE" in text or "<!ENTITY" in text:

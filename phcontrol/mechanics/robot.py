@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -72,6 +73,18 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joints>"
+
+    def record(self) -> dict[str, Any]:
+        """Return, for JSON, what ``robot_from_record`` makes this arm's kinematics of again."""
+        return {
+            "name": self.name,
+            "urdf": self.description,
+            "joint_names": list(self.joint_names),
+            "locked_joints": dict(self.locked_joints),
+            "package_directories": [str(directory) for directory in self.package_directories],
+            "tool_frame": self.tool_frame,
+            "camera_frame": self.camera_frame,
+        }
 
     def joint_index(self, name: str) -> int:
         """Return the index of a joint by name. Raises UnknownNameError, listing the joints."""

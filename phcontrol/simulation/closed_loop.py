@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -43,6 +43,7 @@ def simulate(
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
     progress: bool | None = None,
+    watch: Callable[[Log], None] | None = None,
 ) -> Log:
     """Run a plant under a controller and return the log.
 
@@ -65,6 +66,7 @@ def simulate(
             and held until the next. By default every needed measurement is the truth, at every instant.
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
         progress: show a progress bar; by default only on a terminal.
+        watch: called after each sample with the log so far, for instance a ``LiveView``.
 
     Raises:
         InvalidArgumentError: an argument is out of its domain.
@@ -103,6 +105,9 @@ def simulate(
             "controller": controller.name,
             "interconnection": controller.interconnection,
             "joint_names": list(system.robot.joint_names),
+            "robot_record": system.robot.record(),
+            "bodies": [body.record() for body in bodies],
+            "wrench_frames": [wrench.frame for wrench in loop.wrenches],
             "dt": dt,
             "integrator": integrator,
             "control_period": control_period,
@@ -124,6 +129,8 @@ def simulate(
                     y = loop.sample(t, y)
                 rate = loop.rate(t, y)
                 log.record(k, t, y, loop.torque, loop.external_force)
+                if watch is not None:
+                    watch(log)
                 if instruments is not None:
                     instruments.applied(loop.torque)
                 if k % 100 == 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import zipfile
@@ -22,7 +21,6 @@ from phcontrol.sensors.measured import Measured
 if TYPE_CHECKING:
     import pandas
 
-    from phcontrol.mechanics.state import MechanicalState
     from phcontrol.simulation.vector_field import ClosedLoop
 
 FORMAT = "phcontrol-log-1"
@@ -243,6 +241,26 @@ class Log:
         return self._derived["contact_force"]
 
     @property
+    def contact_forces(self) -> Array:
+        """Contact force of each body, shape (N, bodies) [N, or N·m at a joint]."""
+        return self._derived["contact_forces"]
+
+    @property
+    def contact_depths(self) -> Array:
+        """How far each body's surface is pushed in, shape (N, bodies) [m or rad]."""
+        return self._derived["contact_depths"]
+
+    @property
+    def goal(self) -> Array | None:
+        """The posture that the law brings the arm to, shape (N, n) [rad]; None for a law that has none."""
+        return self._derived.get("goal")
+
+    @property
+    def wrench_forces(self) -> Array:
+        """Force of each external wrench in the world's axes, shape (N, wrenches, 3) [N]."""
+        return self._derived.get("wrench_forces", np.zeros((len(self.time), 0, 3)))
+
+    @property
     def contact_energy(self) -> Array:
         """Energy stored in the bodies and contacts, shape (N,) [J]."""
         return self._derived["contact_energy"]
@@ -264,49 +282,55 @@ class Log:
 
     @lazy
     def _derived(self) -> dict[str, Array]:
-        names = (*_DERIVED, *_DERIVED_VECTORS)
-        if all(name in self._data for name in names):
-            return {name: self._data[name] for name in names}
+        if all(name in self._data for name in (*_DERIVED, *_DERIVED_VECTORS)):
+            nothing = np.zeros((len(self.time), 0))
+            stored = {name: self._data[name] for name in (*_DERIVED, *_DERIVED_VECTORS)}
+            stored |= {name: self._data.get(name, nothing) for name in ("contact_forces", "contact_depths")}
+            return stored | {name: self._data[name] for name in ("goal", "wrench_forces") if name in self._data}
+        rows = [self.derive(k) for k in range(len(self.time))]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    def row(self, k: int) -> dict[str, Any]:
+        """Return energies, powers, contact forces and goal at sample k."""
+        return {name: array[k] for name, array in self._derived.items()}
+
+    def derive(self, k: int) -> dict[str, Any]:
+        """Compute what ``row`` returns at one sample alone, of a run that is still going on.
+
+        Raises PHControlError for a log that was read from a file without them.
+        """
         loop = self._loop
         if loop is None:
             raise PHControlError("this log has no energies and no closed loop to derive them from")
-        rows, outputs = np.zeros((len(self.time), len(_DERIVED))), np.zeros_like(self.position)
-        for k, t in enumerate(self.time):
-            x = loop.plant.at(self.position[k], self.velocity[k])
-            view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
-            state, force = self.controller_state[k], self.external_force[k]
-            measured = Measured(external_force=force)
-            target = loop.controller.target(t, view, state, measured)
-            outputs[k] = target.port.T @ target.gradient
-            rows[k] = (
-                x.kinetic_energy,
-                x.potential_energy,
-                loop.controller.storage(t, view, state, measured),
-                target.gradient @ target.dissipation @ target.gradient,
-                target.gradient @ (target.port @ force)
-                + (0.0 if target.drift is None else target.gradient @ target.drift),
-                0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
-                x.output @ self.torque[k],
-                x.velocity @ force,
-                *self._contacts(k, x),
-            )
-        return dict(zip(_DERIVED, rows.T.copy(), strict=True)) | {"force_output": outputs}
-
-    def _contacts(self, k: int, x: MechanicalState) -> tuple[float, float, float, float]:
-        """Return force, stored energy and dissipated power of the bodies, and their power on the arm, at sample k."""
-        assert self._loop is not None
-        bodies = self._loop.bodies
-        if not bodies:
-            return 0.0, 0.0, 0.0, 0.0
-        ends = np.cumsum([0, *(body.state_size for body in bodies)])
-        parts = [self.body_state[k, a:b] for a, b in itertools.pairwise(ends)]
-        touches = [body.touch(x, part) for body, part in zip(bodies, parts, strict=True)]
-        return (
-            sum(touch.magnitude for touch in touches),
-            sum(touch.stored for touch in touches),
-            sum(touch.dissipated for touch in touches),
-            sum(float(touch.force.dot(x.velocity)) for touch in touches),
-        )
+        t, state, force = self.time[k], self.controller_state[k], self.external_force[k]
+        x = loop.plant.at(self.position[k], self.velocity[k])
+        view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
+        measured = Measured(external_force=force)
+        target = loop.controller.target(t, view, state, measured)
+        parts = np.split(self.body_state[k], np.cumsum([body.state_size for body in loop.bodies])[:-1])
+        touches = [body.touch(x, part) for body, part in zip(loop.bodies, parts, strict=False)]
+        row: dict[str, Any] = {
+            "kinetic_energy": x.kinetic_energy,
+            "potential_energy": x.potential_energy,
+            "storage": loop.controller.storage(t, view, state, measured),
+            "dissipated_power": target.gradient @ target.dissipation @ target.gradient,
+            "supplied_power": target.gradient @ (target.port @ force)
+            + (0.0 if target.drift is None else target.gradient @ target.drift),
+            "friction_power": 0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
+            "control_power": x.output @ self.torque[k],
+            "external_power": x.velocity @ force,
+            "contact_force": sum((touch.magnitude for touch in touches), 0.0),
+            "contact_energy": sum((touch.stored for touch in touches), 0.0),
+            "contact_power": sum((touch.dissipated for touch in touches), 0.0),
+            "contact_work": sum((float(touch.force.dot(x.velocity)) for touch in touches), 0.0),
+            "force_output": target.port.T @ target.gradient,
+            "contact_forces": [touch.magnitude for touch in touches],
+            "contact_depths": [body.displacement(part) for body, part in zip(loop.bodies, parts, strict=False)],
+        }
+        if loop.wrenches:
+            row["wrench_forces"] = [wrench.world_force(t, x) for wrench in loop.wrenches]
+        goal = loop.controller.posture(t)
+        return row if goal is None else row | {"goal": goal}
 
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.

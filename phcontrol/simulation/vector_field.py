@@ -10,6 +10,7 @@ from scipy.linalg import lapack
 from phcontrol._validation import Array, vector
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
+from phcontrol.environments.disturbances import wrenches_of
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
@@ -44,6 +45,8 @@ class ClosedLoop:
         self._plant_state, self._model_state = plant.state_type, self.model.state_type
         self._same_model = self.model is plant
         self._disturbance = disturbance if callable(disturbance) else None
+        self.wrenches = wrenches_of(disturbance)
+        """The wrenches at frames that the disturbance is made of."""
         if disturbance is not None and not callable(disturbance):
             self.external_force = disturbance
         self._steady_force = self.external_force

@@ -1,0 +1,61 @@
+"""The page that shows a run: one HTML file that needs nothing else, not even a network."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import json
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.exceptions import PHControlError
+from phcontrol.visualization.scene import Scene
+from phcontrol.visualization.shapes import encode
+
+
+def page(scene: Scene, frames: Array, *, live: bool = False) -> str:
+    """Return the page of a scene and its frames, shape (N, columns); a live page hears of more frames by itself."""
+    center, radius = scene.extent(frames[np.linspace(0, len(frames) - 1, 5).astype(int)])
+    run = scene.to_dict() | {
+        "live": live,
+        "center": center,
+        "radius": max(radius, 1e-2),
+        "frames": None if live else encode(frames, np.float32),
+    }
+    text = _asset("player.html")
+    parts = {
+        "title": html.escape(scene.title),
+        "style": _asset("player.css"),
+        "meshcat": _meshcat(),
+        "run": _embedded(run),
+        "player": _asset("player.js"),
+    }
+    for name, part in parts.items():
+        text = text.replace("{{" + name + "}}", part, 1)
+    return text
+
+
+def _embedded(data: Any) -> str:
+    """Return JSON that may stand inside a script element."""
+    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+
+
+def _asset(name: str) -> str:
+    return (resources.files("phcontrol.visualization") / "assets" / name).read_text(encoding="utf-8")
+
+
+@cache
+def _meshcat() -> str:
+    """Return MeshCat's script, found without importing its Python package, which takes a second."""
+    spec = importlib.util.find_spec("meshcat")
+    places = [] if spec is None else list(spec.submodule_search_locations or ())
+    for place in places:
+        path = Path(place) / "viewer" / "dist" / "main.min.js"
+        if path.is_file():
+            return path.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    raise PHControlError("the viewer needs meshcat: pip install meshcat")

@@ -1,0 +1,46 @@
+"""A run kept as one page, to be opened by anyone, offline."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from phcontrol._files import write_text
+from phcontrol._validation import Array, positive
+from phcontrol.mechanics.robot import Robot
+from phcontrol.simulation.log import Log
+from phcontrol.visualization.page import page
+from phcontrol.visualization.scene import Scene
+
+LARGEST = 6000
+"""Frames at most: a longer run has fewer a second."""
+
+
+def record(log: Log, path: str | os.PathLike[str], *, robot: Robot | None = None, rate: float = 30.0) -> Path:
+    """Write a page that plays a run in a browser, without a network: play, pause, scrub, speed.
+
+    Args:
+        log: the run, of ``simulate`` or of ``Log.load``.
+        path: of the HTML file, written atomically.
+        robot: the arm, where the log does not hold its description.
+        rate: frames a second [Hz]; between them the page interpolates.
+
+    Raises DataFileError when the file cannot be written.
+    """
+    return write_text(path, recorded_page(log, robot=robot, rate=rate))
+
+
+def recorded_page(log: Log, *, robot: Robot | None = None, rate: float = 30.0) -> str:
+    """Return that page as text."""
+    scene = Scene.of(log, robot)
+    return page(scene, frames_of(log, scene, positive("rate", rate)))
+
+
+def frames_of(log: Log, scene: Scene, rate: float) -> Array:
+    """Return frames at even times, the last sample included, shape (frames, columns)."""
+    start, end = float(log.time[0]), float(log.time[-1])
+    count = min(LARGEST, max(2, round((end - start) * rate) + 1))
+    rows = np.unique(np.searchsorted(log.time, np.linspace(start, end, count) - 1e-9).clip(0, len(log.time) - 1))
+    return np.array([scene.frame(log.time[k], log.position[k], log.row(k)) for k in rows])

@@ -1,0 +1,328 @@
+"""The scene of a run: what stands in it, and where everything is at one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from phcontrol._validation import Array
+from phcontrol.environments.contact_geometry import JointContact, SphereContact, geometry_from_record
+from phcontrol.exceptions import PHControlError
+from phcontrol.mechanics.loading import robot_from_record
+from phcontrol.mechanics.robot import Robot
+from phcontrol.simulation.log import Log
+from phcontrol.visualization.shapes import Shape, pose_of, robot_shapes
+
+GHOST = (0.0, 0.45, 0.70, 0.22)
+BODY = (0.90, 0.55, 0.10, 0.45)
+FORCE = (0.80, 0.10, 0.10, 1.0)
+PLATE = 0.6
+"""Edge of the square that stands for a plane [m]."""
+
+VALUES: tuple[dict[str, Any], ...] = (
+    {"name": "H", "label": "energy H of the arm", "unit": "J", "chart": 0, "color": "#d55e00", "floats": True},
+    {"name": "H_d", "label": "storage function H_d", "unit": "J", "chart": 1, "color": "#0072b2"},
+    {"name": "dissipated", "label": "dissipated by the loop", "unit": "W", "chart": 2, "color": "#009e73"},
+    {"name": "supplied", "label": "supplied from outside", "unit": "W", "chart": 2, "color": "#cc79a7"},
+    {"name": "motors", "label": "given by the motors", "unit": "W", "chart": 2, "color": "#7f7f7f"},
+)
+CONTACT_VALUE = {"name": "contact", "label": "contact force", "unit": "N", "chart": 3, "color": "#b01515"}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A part of the scene that moves as one, with the shapes fixed to it."""
+
+    path: str
+    shapes: list[Shape]
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A force [N] or, along a joint's axis, a moment [N·m]."""
+
+    name: str
+    unit: str
+
+
+class Scene:
+    """Everything drawn of a run, and :meth:`frame`, which says where it is at one sample.
+
+    A frame is one row of numbers: time, seven for the pose of each node (position and quaternion x, y, z, w),
+    six for each arrow (origin and vector), one for each value, and the position of the point that leaves a trail.
+
+    Args:
+        robot: the arm.
+        bodies: what it touches, as ``Body.record`` says it.
+        wrench_frames: where external wrenches act.
+        goal: whether the law has a posture to go to, drawn as a ghost.
+        title: of the page.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        bodies: Sequence[Mapping[str, Any]] = (),
+        wrench_frames: Sequence[str] = (),
+        goal: bool = False,
+        title: str = "",
+    ) -> None:
+        self.robot, self.title = robot, title
+        self._data = robot.model.createData()
+        self._links = {
+            frame.name: index
+            for index, frame in enumerate(robot.model.frames)
+            if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        }
+        shapes, self.notes = robot_shapes(robot)
+        if not any(shapes.values()):
+            shapes = self._skeleton()
+        self._shapes = {name: entries for name, entries in shapes.items() if entries and name in self._links}
+        self.trail = robot.tool_frame or list(self._links)[-1]
+        self.nodes = [Node(f"robot/{link}", entries) for link, entries in self._shapes.items()]
+        moving = [link for link in self._shapes if robot.model.frames[self._links[link]].parentJoint > 0]
+        self._ghosts = moving if goal else []
+        self.nodes += [Node(f"goal/{link}", _tinted(self._shapes[link], GHOST)) for link in self._ghosts]
+        self.arrows: list[Arrow] = []
+        self._contacts: list[_Contact] = []
+        for number, record in enumerate(bodies):
+            self._add_body(number, record)
+        self._wrench_frames = tuple(wrench_frames)
+        self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
+        joints_only = bool(self._contacts) and all(isinstance(contact, _JointBody) for contact in self._contacts)
+        self.values = [dict(value) for value in VALUES]
+        if bodies:
+            self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
+
+    @classmethod
+    def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None) -> Scene:
+        """Return the scene of a log. Raises PHControlError when the log does not say what robot it is of."""
+        metadata = log.metadata
+        if robot is None:
+            if "robot_record" not in metadata:
+                raise PHControlError("this log does not hold its robot's description: give the robot")
+            robot = robot_from_record(metadata["robot_record"])
+        law = f"{metadata.get('controller', '')} ({metadata.get('interconnection', '')})"
+        return cls(
+            robot,
+            bodies=metadata.get("bodies", ()),
+            wrench_frames=metadata.get("wrench_frames", ()),
+            goal=log.goal is not None if goal is None else goal,
+            title=f"{robot.name} under {law}",
+        )
+
+    # --- one moment ---------------------------------------------------------------------------------
+
+    def frame(self, time: float, position: Array, row: Mapping[str, Any]) -> Array:
+        """Return one frame, shape (columns,), from the position and what ``Log.derive`` gives."""
+        here = self._placements(position)
+        parts: list[Any] = [time]
+        for link in self._shapes:
+            parts.extend(pose_of(here[link]))
+        if self._ghosts:
+            there = self._placements(np.asarray(row["goal"]))
+            for link in self._ghosts:
+                parts.extend(pose_of(there[link]))
+        arrows: list[float] = []
+        for contact, force, depth in zip(self._contacts, row["contact_forces"], row["contact_depths"], strict=False):
+            poses, arrow = contact.frame(self, position, here, float(force), float(depth))
+            parts.extend(poses)
+            arrows.extend(arrow)
+        for frame, force in zip(self._wrench_frames, row.get("wrench_forces", ()), strict=False):
+            arrows.extend([*here[frame].translation, *force])
+        parts.extend(arrows)
+        parts.extend(
+            (
+                row["kinetic_energy"] + row["potential_energy"],
+                row["storage"],
+                row["dissipated_power"],
+                row["supplied_power"],
+                row["control_power"],
+            )
+        )
+        if len(self.values) > len(VALUES):
+            parts.append(row["contact_force"])
+        parts.extend(here[self.trail].translation)
+        return np.array(parts, dtype=np.float64)
+
+    def _placements(self, position: Array) -> dict[str, pin.SE3]:
+        pin.framesForwardKinematics(self.robot.model, self._data, self.robot.full_position(position))
+        return {name: self._data.oMf[index].copy() for name, index in self._links.items()}
+
+    # --- what stands in it --------------------------------------------------------------------------
+
+    def _add_body(self, number: int, record: Mapping[str, Any]) -> None:
+        try:
+            geometry = geometry_from_record(record["geometry"])
+        except (PHControlError, KeyError, TypeError) as error:
+            self.notes.append(f"body {number} is not drawn: {error}")
+            self._contacts.append(_Contact())
+            return
+        contact = (
+            _JointBody(self, number, geometry)
+            if isinstance(geometry, JointContact)
+            else _SphereBody(number, geometry, record["geometry"])
+        )
+        self._contacts.append(contact)
+        self.nodes += contact.nodes
+        self.arrows += contact.arrows
+
+    def _skeleton(self) -> dict[str, list[Shape]]:
+        """Return a line from each joint to the next, and a dot at each joint, for a robot without shapes."""
+        model = self.robot.model
+        shapes: dict[str, list[Shape]] = {}
+        for name, index in self._links.items():
+            frame = model.frames[index]
+            ends = [
+                frame.placement.inverse().act(model.jointPlacements[child].translation)
+                for child in range(1, model.njoints)
+                if model.parents[child] == frame.parentJoint
+            ]
+            points = np.array([point for end in ends for point in (np.zeros(3), end)]).reshape(-1, 3)
+            shapes[name] = [Shape("sphere", (0.02,)), *([Shape("lines", points=points)] if ends else [])]
+        return shapes
+
+    def extent(self, frames: Array) -> tuple[list[float], float]:
+        """Return centre and radius [m] of what the nodes of some frames span."""
+        count = len([node for node in self.nodes if not node.path.startswith("bodies/")])
+        corners = []
+        for pose, node in zip(frames[:, 1 : 1 + 7 * count].reshape(len(frames), -1, 7).transpose(1, 0, 2), self.nodes,
+                              strict=False):  # fmt: skip
+            for shape in node.shapes:
+                placements = [pin.XYZQUATToSE3(row) for row in pose]
+                corners += [place.act(point) for place in placements for point in _corners(shape)]
+        cloud = np.array(corners)
+        low, high = cloud.min(axis=0), cloud.max(axis=0)
+        return [float(value) for value in 0.5 * (low + high)], float(0.5 * np.linalg.norm(high - low))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the page needs beside the frames."""
+        shapes: list[dict[str, Any]] = []
+        known: dict[int, int] = {}
+        nodes = []
+        for node in self.nodes:
+            numbers = []
+            for shape in node.shapes:
+                entry = shape.to_dict()
+                color = entry.pop("color")
+                # a ghost's shape is the link's, in another colour: written once
+                key = hash((entry["kind"], str(entry["size"]), str(entry["pose"]), entry.get("points")))
+                if key not in known:
+                    known[key] = len(shapes)
+                    shapes.append(entry)
+                numbers.append({"shape": known[key], "color": color})
+            nodes.append({"path": node.path, "shapes": numbers})
+        return {
+            "title": self.title,
+            "shapes": shapes,
+            "nodes": nodes,
+            "arrows": [{"name": arrow.name, "unit": arrow.unit} for arrow in self.arrows],
+            "values": self.values,
+            "trail": self.trail,
+            "notes": self.notes,
+        }
+
+
+class _Contact:
+    """What is drawn of a touched body; nothing, for one that cannot be."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self.arrows: list[Arrow] = []
+
+    def frame(
+        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+    ) -> tuple[list[float], list[float]]:
+        """Return the poses of its nodes and its arrow."""
+        return [], []
+
+
+class _JointBody(_Contact):
+    """A body in a joint's way: the links that the joint moves, where they meet it; its force along the joint's axis."""
+
+    def __init__(self, scene: Scene, number: int, geometry: JointContact) -> None:
+        super().__init__()
+        self.geometry, robot = geometry, scene.robot
+        self.index = robot.joint_index(geometry.joint)
+        moved = np.array(robot.home)
+        moved[self.index] += 0.1
+        before, after = scene._placements(np.array(robot.home)), scene._placements(moved)
+        self.links = [name for name in scene._shapes if not before[name].isApprox(after[name], 1e-9)]
+        self.nodes = [Node(f"bodies/{number}/{name}", _tinted(scene._shapes[name], BODY)) for name in self.links]
+        self.arrows = [Arrow(f"contact moment on {geometry.joint}", "N·m")]
+        self.joint = robot.model.getJointId(geometry.joint)
+        column = pin.computeJointJacobians(robot.model, scene._data, robot.full_position(moved))[
+            :, robot.model.joints[self.joint].idx_v
+        ]
+        world = column[3:] if np.any(column[3:]) else column[:3]  # turns about its axis, or slides along it
+        self.axis = scene._data.oMi[self.joint].rotation.T @ world
+
+    def frame(
+        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+    ) -> tuple[list[float], list[float]]:
+        sign = 1.0 if self.geometry.side == "below" else -1.0
+        touching = np.array(position)
+        touching[self.index] = self.geometry.position - sign * depth
+        there = scene._placements(touching)
+        poses = [value for name in self.links for value in pose_of(there[name])]
+        at_joint = scene._data.oMi[self.joint]
+        return poses, [*at_joint.translation, *(sign * force * (at_joint.rotation @ self.axis))]
+
+
+class _SphereBody(_Contact):
+    """A shape in space and the fingertip that touches it."""
+
+    def __init__(self, number: int, geometry: SphereContact, record: Mapping[str, Any]) -> None:
+        super().__init__()
+        self.geometry = geometry
+        kind = record["shape"]
+        place = pose_of(pin.SE3(geometry.rotation, geometry.position))
+        if kind == "plane":
+            shape = Shape("box", (PLATE, PLATE, 0.01), BODY, (0.0, 0.0, -0.005, 0.0, 0.0, 0.0, 1.0))
+        elif kind == "mesh":
+            from phcontrol.visualization.shapes import read_mesh
+
+            points, faces, _ = read_mesh(record["path"])[0]
+            shape = Shape("mesh", (), BODY, points=points, faces=faces)
+        else:
+            size = record["size"]
+            shape = Shape(kind, tuple(size) if isinstance(size, list) else (size,), BODY)
+        self.place = place
+        tip = Shape("sphere", (geometry.radius,), (0.2, 0.2, 0.2, 1.0))
+        self.nodes = [Node(f"bodies/{number}/shape", [shape]), Node(f"bodies/{number}/tip", [tip])]
+        self.arrows = [Arrow(f"contact force on {geometry.frame}", "N")]
+
+    def frame(
+        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+    ) -> tuple[list[float], list[float]]:
+        centre = here[self.geometry.frame]
+        away = self.geometry.meet(centre.translation)[1]
+        place = np.array(self.place)
+        place[:3] -= depth * away
+        return [*place, *pose_of(centre)], [*centre.translation, *(force * away)]
+
+
+def _tinted(shapes: Sequence[Shape], color: tuple[float, ...]) -> list[Shape]:
+    return [replace(shape, color=color) for shape in shapes]
+
+
+def _corners(shape: Shape) -> Array:
+    """Return the corners of a box around a shape, in its node's frame, shape (8, 3) [m]."""
+    if shape.points is not None:
+        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+    else:
+        if shape.kind == "box":
+            half = 0.5 * np.array(shape.size)
+        elif shape.kind == "cylinder":
+            half = np.array([shape.size[0], shape.size[0], 0.5 * shape.size[1]])
+        else:
+            half = np.full(3, shape.size[0])
+        low, high = -half, half
+    grid = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    place = pin.XYZQUATToSE3(np.array(shape.pose))
+    return np.array([place.act(point) for point in grid])

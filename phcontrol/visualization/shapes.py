@@ -1,0 +1,154 @@
+"""What there is to draw: the visual shapes of a robot's links, as plain numbers for the page."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from phcontrol._validation import Array
+from phcontrol.mechanics.robot import Robot
+
+GREY = (0.62, 0.64, 0.67, 1.0)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Something drawn, fixed to a node of the scene."""
+
+    kind: str
+    """box, cylinder (along z), sphere, mesh or lines."""
+    size: tuple[float, ...] = ()
+    """A box's edges; a cylinder's radius and length; a sphere's radius [m]."""
+    color: tuple[float, ...] = GREY
+    """Red, green, blue and opacity, 0 to 1."""
+    pose: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    """In the node: position [m] and quaternion (x, y, z, w)."""
+    points: Array | None = None
+    """Of a mesh or of lines, shape (N, 3) [m]."""
+    faces: Array | None = None
+    """Of a mesh, shape (M, 3), indices of points."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for the page."""
+        entry: dict[str, Any] = {
+            "kind": self.kind,
+            "size": [round(float(value), 6) for value in self.size],
+            "color": [round(float(value), 4) for value in self.color],
+            "pose": [round(float(value), 7) for value in self.pose],
+        }
+        if self.points is not None:
+            entry["points"] = encode(self.points, np.float32)
+        if self.faces is not None:
+            entry["faces"] = encode(self.faces, np.uint32)
+        return entry
+
+
+def encode(array: Any, kind: Any) -> str:
+    """Return an array's little-endian bytes as base64."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype=np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+
+
+def pose_of(placement: pin.SE3) -> tuple[float, ...]:
+    """Return position [m] and quaternion (x, y, z, w) of a placement."""
+    return tuple(float(value) for value in pin.SE3ToXYZQUAT(placement))
+
+
+def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
+    """Return the visual shapes of each link, and a note for each that cannot be drawn.
+
+    A link without a visual shape has none here; a robot without any is drawn as lines between its joints.
+    """
+    import yourdfpy
+
+    # meshes are found and read one by one below, so that one that is missing spares the others
+    urdf = yourdfpy.URDF.load(io.StringIO(robot.description), build_scene_graph=False, load_meshes=False)
+    materials = {material.name: material for material in urdf.robot.materials}
+    shapes: dict[str, list[Shape]] = {}
+    notes: list[str] = []
+    for link in urdf.robot.links:
+        shapes[link.name] = []
+        for visual in link.visuals:
+            try:
+                shapes[link.name] += _visual(visual, materials, robot)
+            except (OSError, ValueError, ImportError) as error:
+                notes.append(f"link {link.name} is not drawn: {error}")
+    if not any(shapes.values()):
+        notes.append(f"{robot.name} has no shapes to draw: lines between its joints instead")
+    return shapes, notes
+
+
+def _visual(visual: Any, materials: dict[str, Any], robot: Robot) -> Iterator[Shape]:
+    origin = np.eye(4) if visual.origin is None else visual.origin
+    geometry, color = visual.geometry, _color(visual.material, materials)
+    pose = _pose(origin)
+    if geometry.box is not None:
+        yield Shape("box", tuple(geometry.box.size), color or GREY, pose)
+    elif geometry.cylinder is not None:
+        yield Shape("cylinder", (geometry.cylinder.radius, geometry.cylinder.length), color or GREY, pose)
+    elif geometry.sphere is not None:
+        yield Shape("sphere", (geometry.sphere.radius,), color or GREY, pose)
+    elif geometry.mesh is not None:
+        path = find_mesh(geometry.mesh.filename, robot)
+        scale = np.ones(3) if geometry.mesh.scale is None else np.broadcast_to(geometry.mesh.scale, (3,))
+        for points, faces, own_color in read_mesh(path):
+            yield Shape("mesh", (), color or own_color, pose, points * scale, faces)
+
+
+def _color(material: Any, materials: dict[str, Any]) -> tuple[float, ...] | None:
+    if material is None:
+        return None
+    known = material if material.color is not None else materials.get(material.name)
+    if known is None or known.color is None:
+        return None
+    return tuple(float(value) for value in known.color.rgba)
+
+
+def _pose(matrix: Array) -> tuple[float, ...]:
+    return pose_of(pin.SE3(np.asarray(matrix[:3, :3]), np.asarray(matrix[:3, 3])))
+
+
+def find_mesh(name: str, robot: Robot) -> Path:
+    """Return where a mesh of a URDF is. Raises FileNotFoundError, naming the mesh."""
+    relative = name.removeprefix("package://").removeprefix("file://")
+    places = [Path(relative), *(directory / relative for directory in robot.package_directories)]
+    if name.startswith("package://"):  # some packages are looked for by what stands behind their name
+        behind = Path(*Path(relative).parts[1:])
+        places += [directory / behind for directory in robot.package_directories]
+    for place in places:
+        if place.is_file():
+            return place
+    raise FileNotFoundError(f"mesh {name} is missing")
+
+
+@cache
+def read_mesh(path: Path) -> tuple[tuple[Array, Array, tuple[float, ...]], ...]:
+    """Return points, faces and colour of each part of a mesh file. Raises ValueError when it cannot be read."""
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path)
+        parts = scene.dump()
+    except Exception as error:  # the readers raise many kinds
+        raise ValueError(f"mesh {path.name} cannot be read ({error})") from error
+    meshes = []
+    for part in parts:
+        if not isinstance(part, trimesh.Trimesh) or len(part.faces) == 0:
+            continue
+        color = getattr(part.visual, "main_color", None)
+        if color is None:
+            material = getattr(part.visual, "material", None)
+            color = getattr(material, "main_color", None)
+        rgba = GREY if color is None else tuple(float(value) / 255.0 for value in color)
+        part.merge_vertices(merge_tex=True, merge_norm=True)
+        meshes.append((np.asarray(part.vertices, dtype=float), np.asarray(part.faces), rgba))
+    if not meshes:
+        raise ValueError(f"mesh {path.name} is empty")
+    return tuple(meshes)

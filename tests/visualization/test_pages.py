@@ -1,0 +1,179 @@
+"""Pages in a real browser: what is asserted is where the scene has its objects, beside what is seen."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+
+import numpy as np
+import pytest
+
+from phcontrol import LiveView, MechanicalSystem, PHControlError, load_robot, make_controller, record, simulate
+from phcontrol.visualization.server import PageServer, announce_page
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+
+def where(page, node):
+    return np.array(page.evaluate(f"phcontrol.where('{node}')"))
+
+
+def looks_drawn(png):
+    """Return whether a picture has the variety of a drawn scene rather than an empty pane."""
+    import io
+
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))[60:600, 320:1000].reshape(-1, 3)
+    return len(np.unique(pixels // 16, axis=0)) > 40
+
+
+def test_a_recording_plays_offline(browser, log, tmp_path):
+    path = record(log, tmp_path / "run.html")
+    robot = load_robot("pera")
+    with browser.open(path.as_uri()) as page:
+        page.context.set_offline(True)
+        places = []
+        for part in (0.0, 0.5, 1.0):
+            page.evaluate(f"phcontrol.seek({part} * phcontrol.duration)")
+            row = int(np.searchsorted(log.time, part * log.time[-1] - 1e-9))
+            places.append(where(page, "robot/hand"))
+            expected = robot.placement("hand", log.position[row]).translation
+            np.testing.assert_allclose(places[-1], expected, atol=1e-5)
+        goal = robot.placement("hand", log.goal[0]).translation
+        np.testing.assert_allclose(where(page, "goal/hand"), goal, atol=1e-5)
+        assert np.linalg.norm(places[1] - places[0]) > 0.01  # it has moved
+        assert np.linalg.norm(places[2] - places[1]) > 0.001
+        assert looks_drawn(page.screenshot())
+        panel = page.inner_text("#panel")
+        for words in ("storage function H_d", "energy H", "contact force", "dissipated", "arrows: 1 N"):
+            assert words in panel
+        assert f"{log.contact_force[-1]:.4g}"[:4] in panel
+        assert page.problems == []
+        assert page.requests == [path.as_uri()]
+
+
+def test_play_pause_scrub_and_speed(browser, log, tmp_path):
+    path = record(log, tmp_path / "run.html")
+    with browser.open(path.as_uri()) as page:
+        page.evaluate("phcontrol.seek(0)")
+        page.select_option("#speed", "0.1")
+        page.click("#play")
+        page.wait_for_function("phcontrol.time > 0.02")
+        page.click("#play")
+        stopped = page.evaluate("phcontrol.time")
+        assert 0.0 < stopped < log.time[-1]
+        page.wait_for_timeout(100)
+        assert page.evaluate("phcontrol.time") == stopped
+        page.locator("#scrub").fill(str(log.time[-1] / 2))
+        assert abs(page.evaluate("phcontrol.time") - log.time[-1] / 2) < 1e-3
+        page.select_option("#speed", "10")
+        page.click("#play")
+        page.wait_for_function(f"phcontrol.time >= {log.time[-1] - 1e-3}")
+        page.wait_for_function("document.getElementById('play').textContent === '▶'")  # and stops at the end
+        assert page.problems == []
+
+
+def test_a_missing_mesh_is_said_on_the_page(browser, tmp_path):
+    from tests.visualization.test_scene import ARM
+
+    mesh = '<visual><geometry><mesh filename="package://parts/arm.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(ARM.format(mesh))
+    system = MechanicalSystem(load_robot(tmp_path / "arm.urdf"))
+    log = simulate(system, make_controller("energy_shaping", system, goal=[0.5]), duration=0.5)
+    with browser.open(record(log, tmp_path / "run.html").as_uri()) as page:
+        page.click("#notes summary")
+        assert "mesh package://parts/arm.stl is missing" in page.inner_text("#notes")
+        assert page.problems == []
+
+
+def test_a_live_view_follows_the_run_and_can_be_played_again(browser):
+    system = MechanicalSystem(load_robot("pera"))
+    controller = make_controller("force_feedback", system, goal=[-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2])
+    with LiveView(port=0, real_time=False, rate=1e6, announce=lambda server: None) as view:
+        log = simulate(system, controller, duration=0.3, dt=1e-2, watch=view)
+        with browser.open(view.server.address) as page:
+            page.wait_for_function(f"phcontrol.frames >= {view.shown}")
+            assert not page.evaluate("phcontrol.ended")
+            page.wait_for_function(f"Math.abs(phcontrol.time - {log.time[-1]}) < 1e-5")
+            now = where(page, "robot/hand")
+            np.testing.assert_allclose(now, system.robot.placement("hand", log.position[-1]).translation, atol=1e-5)
+            view.finish(log)
+            page.wait_for_function("phcontrol.ended")
+            page.evaluate("phcontrol.seek(0)")
+            np.testing.assert_allclose(
+                where(page, "robot/hand"), system.robot.placement("hand", log.position[0]).translation, atol=1e-5
+            )
+            assert looks_drawn(page.screenshot())
+            assert page.problems == []
+            assert set(page.requests) == {view.server.address}
+
+
+def test_watching_changes_nothing_and_never_waits():
+    """A browser that stands still costs frames, not time: the server is stopped, and the run goes to its end."""
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    controller = make_controller("force_feedback", system, goal=[1.0, 0.5])
+    alone = simulate(system, controller, duration=0.4)
+    servers = []
+
+    def stop(server):
+        servers.append(server)
+        os.kill(server._process.pid, signal.SIGSTOP)
+
+    with LiveView(port=0, real_time=False, rate=1e6, announce=stop) as view:
+        watched = simulate(system, controller, duration=0.4, watch=view)
+        os.kill(servers[0]._process.pid, signal.SIGCONT)
+    assert view.shown + view.dropped == len(watched)
+    assert view.dropped > 0
+    np.testing.assert_array_equal(watched.position, alone.position)
+
+
+class Clock:
+    """A clock that passes a tenth of a millisecond whenever it is looked at, and sleeps as told."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def perf_counter(self):
+        self.now += 1e-4
+        return self.now
+
+    def sleep(self, seconds):
+        assert seconds > 0.0
+        self.now += seconds
+
+
+@pytest.mark.parametrize(("real_time", "passed", "frames"), [(True, 0.5, 10), (False, 0.05, 1)])
+def test_frames_and_pace_go_by_the_clock(monkeypatch, real_time, passed, frames):
+    """500 steps of 1 ms at 20 frames a second: in real time, or as fast as they go."""
+    from phcontrol.visualization import live
+
+    clock = Clock()
+    monkeypatch.setattr(live, "time", clock)
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    controller = make_controller("energy_shaping", system, goal=[1.0, 0.5])
+    with LiveView(port=0, rate=20.0, real_time=real_time, announce=lambda server: None) as view:
+        simulate(system, controller, duration=0.5, watch=view)
+    assert abs(clock.now - passed) < 0.01
+    assert abs(view.shown - frames) <= 1
+
+
+def test_a_taken_port_is_a_clear_message():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PHControlError, match=f"port {port} cannot be used .*give another, or 0 for any free one"):
+            PageServer(port)
+
+
+def test_without_a_browser_the_address_is_printed(monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    with PageServer(0) as server:
+        server.publish("<p>hello</p>")
+        announce_page(server)
+        text = capsys.readouterr().out
+        assert server.address in text
+        assert "--record FILE.html" in text
