@@ -54,6 +54,7 @@ class Claim:
             "unit": self.unit,
             "tolerance": self.tolerance,
             "verdict": self.verdict,
+            "erratum": self.erratum,
             "reason": self.reason,
         }
 

@@ -107,6 +107,7 @@ def simulate(
             "joint_names": list(system.robot.joint_names),
             "robot_record": system.robot.record(),
             "bodies": [body.record() for body in bodies],
+            "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")},
             "wrench_frames": [wrench.frame for wrench in loop.wrenches],
             "dt": dt,
             "integrator": integrator,

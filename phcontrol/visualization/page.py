@@ -18,8 +18,12 @@ from phcontrol.visualization.scene import Scene
 from phcontrol.visualization.shapes import encode
 
 
-def page(scene: Scene, frames: Array, *, live: bool = False) -> str:
-    """Return the page of a scene and its frames, shape (N, columns); a live page hears of more frames by itself."""
+def page(scene: Scene, frames: Array, *, live: bool = False, script: str | None = None) -> str:
+    """Return the page of a scene and its frames, shape (N, columns).
+
+    A live page hears of more frames by itself. ``script`` is the address of MeshCat's script, for pages that share
+    one; by default it is part of the page.
+    """
     center, radius = scene.extent(frames[np.linspace(0, len(frames) - 1, 5).astype(int)])
     run = scene.to_dict() | {
         "live": live,
@@ -31,7 +35,9 @@ def page(scene: Scene, frames: Array, *, live: bool = False) -> str:
     parts = {
         "title": html.escape(scene.title),
         "style": _asset("player.css"),
-        "meshcat": _meshcat(),
+        "meshcat": f"<script>\n{meshcat_script()}\n</script>"
+        if script is None
+        else f'<script src="{script}"></script>',
         "run": _embedded(run),
         "player": _asset("player.js"),
     }
@@ -50,7 +56,7 @@ def _asset(name: str) -> str:
 
 
 @cache
-def _meshcat() -> str:
+def meshcat_script() -> str:
     """Return MeshCat's script, found without importing its Python package, which takes a second."""
     spec = importlib.util.find_spec("meshcat")
     places = [] if spec is None else list(spec.submodule_search_locations or ())

@@ -32,10 +32,10 @@ def record(log: Log, path: str | os.PathLike[str], *, robot: Robot | None = None
     return write_text(path, recorded_page(log, robot=robot, rate=rate))
 
 
-def recorded_page(log: Log, *, robot: Robot | None = None, rate: float = 30.0) -> str:
-    """Return that page as text."""
+def recorded_page(log: Log, *, robot: Robot | None = None, rate: float = 30.0, script: str | None = None) -> str:
+    """Return that page as text; with the address of MeshCat's ``script``, that is not part of it."""
     scene = Scene.of(log, robot)
-    return page(scene, frames_of(log, scene, positive("rate", rate)))
+    return page(scene, frames_of(log, scene, positive("rate", rate)), script=script)
 
 
 def frames_of(log: Log, scene: Scene, rate: float) -> Array:

@@ -1,0 +1,68 @@
+"""One task of a reproduction, run as ``python -m phcontrol.experiments.task NAME FOLDER``."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from phcontrol._files import write_json, write_text
+from phcontrol.analysis.certificate import certify
+from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
+from phcontrol.experiments.registry import STUDIES, run_study
+from phcontrol.experiments.reproduce import DONE, versions
+from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.state import INTERCONNECTIONS
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.visualization.page import meshcat_script
+from phcontrol.visualization.recording import recorded_page
+
+SAMPLES, SEED = 50, 0
+"""Of the certificates."""
+
+
+def run_task(name: str, folder: Path) -> None:
+    """Run a study or an arm's certificates, and write what came of it; the mark that it is done comes last."""
+    shutil.rmtree(folder, ignore_errors=True)
+    done: dict[str, Any] = {"versions": versions()}
+    if name in STUDIES:
+        done |= _study(name, folder)
+    else:
+        write_json(folder / "certificates.json", certificates(name.removeprefix("certificates-")))
+    write_json(folder / DONE, done)
+
+
+def _study(name: str, folder: Path) -> dict[str, Any]:
+    outcome = run_study(name)
+    outcome.write(folder)
+    write_text(folder / "meshcat.js", meshcat_script())
+    recordings = []
+    for log_name, log in outcome.logs.items():
+        write_text(folder / f"{log_name}.html", recorded_page(log, script="meshcat.js"))
+        recordings.append(log_name)
+    seeds = {log_name: log.metadata["seeds"] for log_name, log in outcome.logs.items() if log.metadata.get("seeds")}
+    return {"figures": list(outcome.figures), "logs": list(outcome.logs), "recordings": recordings, "seeds": seeds}
+
+
+def certificates(robot: str) -> list[dict[str, Any]]:
+    """Return the certificate of every law in every form on an arm; of a law that is not for it, the reason."""
+    system = MechanicalSystem(load_robot(robot))
+    rows: list[dict[str, Any]] = []
+    for law in CONTROLLERS:
+        for form in INTERCONNECTIONS:
+            try:
+                controller = make_controller(law, system, interconnection=form)
+            except InvalidArgumentError as error:
+                rows.append({"law": law, "robot": robot, "interconnection": form, "not_for_it": str(error)})
+                continue
+            rows.append({"law": law} | certify(controller, system, samples=SAMPLES, seed=SEED).to_dict())
+    return rows
+
+
+if __name__ == "__main__":
+    try:
+        run_task(sys.argv[1], Path(sys.argv[2]))
+    except PHControlError as error:
+        sys.exit(f"{type(error).__name__}: {error}")
