@@ -1,5 +1,6 @@
 # make demo   set everything up and see the PERA move: log, picture and certificate in results/position
 # make test   set everything up and run the tests
+# make docs   the documentation as a site, in site/index.html
 # make lint   formatter, linter and type checker
 PYTHON ?= python3
 VENV := .venv
@@ -7,13 +8,16 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 # one BLAS thread each: parallel test processes with more would wait for each other
-.PHONY: demo test lint clean
+.PHONY: demo test docs lint clean
 
 demo: $(READY)
 	$(BIN)/phcontrol run position --robot pera --out results/position
 
 test: $(READY)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
@@ -27,4 +31,4 @@ $(READY): pyproject.toml hatch_build.py phcontrol/mechanics/_compiled.c
 	touch $@
 
 clean:
-	rm -rf $(VENV) results
+	rm -rf $(VENV) results site
