@@ -90,7 +90,8 @@ def _claims(studies: Iterable[Mapping[str, Any]]) -> Iterable[str]:
     yield "<th>verdict</th><th>erratum</th></tr>"
     for study in studies:
         name = escape(study["study"])
-        yield f'<tr class="study"><td colspan="6"><a href="#{name}">{name}</a>: {escape(study["title"])}</td></tr>'
+        link = f'<a href="#{name}">{name}</a>'
+        yield f'<tr class="study"><td colspan="6">{link}: {escape(study["title"])}{_links(study)}</td></tr>'
         for claim in study["claims"]:
             row, kind = CLASSES.get(claim["verdict"], MENDED)
             reason = f'<div class="reason">{escape(claim["reason"])}</div>' if claim["reason"] else ""
