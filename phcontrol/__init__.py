@@ -45,6 +45,11 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.trajectories.limits import LimitReport, check_limits
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from phcontrol.trajectories.trajectory import Reference, Trajectory
 
 __all__ = [
     "CONTROLLERS",
@@ -57,6 +62,7 @@ __all__ = [
     "Command",
     "CompliantBody",
     "Controller",
+    "CubicSpline",
     "DataFileError",
     "Disturbance",
     "EnergyShaping",
@@ -72,35 +78,43 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "LimitReport",
     "Log",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
+    "MinimumJerk",
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
     "PHControlError",
     "PowerBalance",
     "Pulse",
+    "QuinticSpline",
+    "Reference",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
+    "SampledTrajectory",
     "Schedule",
     "Shaping",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "Sinusoid",
     "SphereContact",
     "Step",
     "StribeckFriction",
     "Target",
     "TotalForceRejection",
+    "Trajectory",
     "UnknownNameError",
     "Wrench",
     "__version__",
     "certify",
     "check_canonical_transformation",
+    "check_limits",
     "damping_for_gain",
     "equilibrium",
     "l2_gain",

@@ -94,10 +94,7 @@ def reachable_goal(robot: Robot) -> Array:
     """Return a posture inside the limits, some way from home."""
     if robot.name in REACHABLE and len(REACHABLE[robot.name]) == robot.n:
         return np.array(REACHABLE[robot.name])
-    middle = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), robot.home + 1.0)
-    step = np.where(np.array(robot.prismatic), 0.05, 0.4)
-    goal: Array = robot.home + np.clip(np.where(middle == robot.home, step, middle - robot.home), -step, step)
-    return goal
+    return robot.near_home()
 
 
 def run_position(

@@ -12,7 +12,7 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import derivatives
-from phcontrol.mechanics.robot import REFERENCES
+from phcontrol.mechanics.robot import REFERENCES, wrapped
 
 if TYPE_CHECKING:
     from phcontrol.mechanics.system import MechanicalSystem
@@ -179,8 +179,7 @@ class MechanicalState:
         """Return q ⊖ target, shape (n,) [rad]; in continuous joints wrapped to (−π, π]."""
         error: Array = self.position - target
         if self.system.has_continuous_joints:
-            wrapped = -np.remainder(np.pi - error, 2.0 * np.pi) + np.pi
-            error = np.where(self.system.robot.continuous, wrapped, error)
+            error = np.where(self.system.robot.continuous, wrapped(error), error)
         return error
 
     # --- the transformed coordinates (thesis 2.31 to 2.41) --------------------------------------
