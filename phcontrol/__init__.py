@@ -16,6 +16,8 @@ from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.controllers.tracking_transformation import TrackingTransformation
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -108,7 +110,9 @@ __all__ = [
     "StribeckFriction",
     "Target",
     "TotalForceRejection",
+    "TrackingTransformation",
     "Trajectory",
+    "TrajectoryTracking",
     "UnknownNameError",
     "Wrench",
     "__version__",

@@ -94,12 +94,14 @@ class Controller(ABC):
 
     name: ClassVar[str]
     """The law's name on the command line."""
+    forms: ClassVar[tuple[str, ...]] = INTERCONNECTIONS
+    """The choices of J̄₂ that the law knows."""
 
     def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
         if not isinstance(system, MechanicalSystem):
             raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
         self.system = system
-        self.interconnection = choice("interconnection", interconnection, INTERCONNECTIONS)
+        self.interconnection = choice("interconnection", interconnection, self.forms)
         self._canonical = self.interconnection == "canonical"
 
     @property
