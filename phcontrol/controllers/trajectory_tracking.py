@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, number
-from phcontrol.controllers.controller import Command, Controller, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import EMPTY, Command, Controller, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
@@ -75,7 +75,9 @@ class TrajectoryTracking(Controller):
         self.measured = measured
         self.hold = number("hold", hold, minimum=0.0)
         self.transformation = TrackingTransformation(system, trajectory, self.stiffness)
-        self._transformed = interconnection == "transformed"
+        self._is_coriolis, self._transformed = interconnection == "coriolis", interconnection == "transformed"
+        matrix = system.input_matrix
+        self._joint_damping = self.damping if matrix is None else matrix @ self.damping @ matrix.T
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
@@ -96,22 +98,37 @@ class TrajectoryTracking(Controller):
         return ("external_force",) if self.measured else ()
 
     def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
-        """Return the torque; see :meth:`Controller.evaluate`."""
+        """Return the torque; see :meth:`Controller.evaluate`. The coriolis form needs neither M nor C to be formed."""
         if self.hold:
             t, x = self._middle_of_hold(t, x)
-        return super().evaluate(t, x, state, measured)
+        if not self._is_coriolis:
+            return super().evaluate(t, x, state, measured)
+        goal = self.trajectory.at(t)
+        force = x.feedforward(goal.velocity, goal.acceleration)
+        force -= self._correction(x, goal)
+        if self.measured:
+            force -= self._measurement(measured, "external_force")
+        return self._command(t, x, state, force, EMPTY)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State s = −q̇_d, its rate, and the effort −K_t q̃ − G C_d Gᵀ(q̇ − q̇_d); "transformed" states −Gβ instead."""
         goal = self.trajectory.at(t)
-        error, lag = x.position_error(goal.position), x.velocity - goal.velocity
-        matrix = self.system.input_matrix
-        injected = self.damping.dot(lag) if matrix is None else matrix.dot(self.damping.dot(matrix.T.dot(lag)))
         force = self._measurement(measured, "external_force") if self.measured else None
         if self._transformed:
             shift = self.transformation.input_force(x, goal) + x.potential_gradient  # the base class adds ∂V/∂q again
-            return Shaping(-shift - injected, cancelled_force=force)
-        return Shaping(-self.stiffness.dot(error) - injected, -goal.velocity, -goal.acceleration, None, force)
+            return Shaping(-shift - self._injection(x, goal), cancelled_force=force)
+        return Shaping(-self._correction(x, goal), -goal.velocity, -goal.acceleration, None, force)
+
+    def _correction(self, x: MechanicalState, goal: Reference) -> Array:
+        """Return K_t q̃ + G C_d Gᵀ(q̇ − q̇_d) [N·m]."""
+        force: Array = self.stiffness.dot(x.position_error(goal.position))
+        force += self._injection(x, goal)
+        return force
+
+    def _injection(self, x: MechanicalState, goal: Reference) -> Array:
+        """Return G C_d Gᵀ(q̇ − q̇_d) [N·m]."""
+        force: Array = self._joint_damping.dot(x.velocity - goal.velocity)
+        return force
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + ½q̃ᵀK_t q̃ [J]."""

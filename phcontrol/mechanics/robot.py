@@ -108,7 +108,9 @@ class Robot:
 
     def near_home(self) -> Array:
         """Return a posture inside the limits a step from home: 0.4 rad at most, 0.05 m for prismatic joints."""
-        middle = np.where(np.isfinite(self.lower + self.upper), 0.5 * (self.lower + self.upper), self.home + 1.0)
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        low, high = np.where(bounded, self.lower, self.home), np.where(bounded, self.upper, self.home + 2.0)
+        middle = 0.5 * (low + high)
         step = np.where(np.array(self.prismatic or [False] * self.n), 0.05, 0.4)
         posture: Array = self.home + np.clip(np.where(middle == self.home, step, middle - self.home), -step, step)
         return np.clip(posture, self.lower, self.upper)

@@ -91,11 +91,7 @@ def check_limits(
 
 def _torque(system: MechanicalSystem, position: Array, velocity: Array, acceleration: Array) -> Array:
     """Return the torque of inverse dynamics [N·m]."""
-    x = system.at(position, velocity)
-    force: Array = (
-        x.mass_matrix @ acceleration + x.coriolis_matrix @ velocity + x.friction_torque + x.potential_gradient
-    )
-    return force if system.input_matrix is None else np.linalg.solve(system.input_matrix, force)
+    return system.motor_torque(system.at(position, velocity).feedforward(velocity, acceleration))
 
 
 def _peaks(

@@ -40,7 +40,7 @@ class PiecewisePolynomial:
             for piece in range(polynomials.c.shape[1])
         ]
         self._breaks = [float(value) for value in polynomials.x]
-        self._powers = range(order)
+        self._higher_powers = range(1, order)
         self._first, self._last = self._rest(self.start), self._rest(self.end)
 
     @property
@@ -63,7 +63,11 @@ class PiecewisePolynomial:
     def _evaluate(self, t: float) -> Reference:
         piece = min(bisect_right(self._breaks, t) - 1, len(self._tables) - 1)
         elapsed, n = t - self._breaks[piece], self.n
-        values: Array = np.array([elapsed**power for power in self._powers]).dot(self._tables[piece])
+        powers, power = [1.0], 1.0
+        for _ in self._higher_powers:
+            power *= elapsed
+            powers.append(power)
+        values: Array = np.array(powers).dot(self._tables[piece])
         return Reference(values[:n], values[n : 2 * n], values[2 * n :])
 
     def _rest(self, t: float) -> Reference:

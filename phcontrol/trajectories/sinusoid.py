@@ -44,9 +44,9 @@ class Sinusoid:
         )
         if (self.frequency < 0.0).any():
             raise InvalidArgumentError("frequency", "must be >= 0 [Hz]")
-        self._rate: Array = 2.0 * math.pi * self.frequency
-        self._speed = self.amplitude * self._rate
-        self._negative_square: Array = -self._rate * self._rate
+        # A sin(ωt + φ) = A cos φ sin ωt + A sin φ cos ωt: a table times (1, sin ωt, cos ωt) of each distinct ω
+        self._rates = [float(rate) for rate in 2.0 * math.pi * np.unique(self.frequency)]
+        self._table = self._make_table()
 
     @property
     def duration(self) -> float:
@@ -56,7 +56,21 @@ class Sinusoid:
 
     def at(self, t: float) -> Reference:
         """Return position, velocity and acceleration at time t [s]."""
-        angle = self._rate * t
-        angle += self.phase
-        swing = self.amplitude * np.sin(angle)
-        return Reference(swing + self.offset, self._speed * np.cos(angle), self._negative_square * swing)
+        basis = [1.0]
+        for rate in self._rates:
+            basis += (math.sin(rate * t), math.cos(rate * t))
+        n, values = self.n, self._table.dot(np.array(basis))
+        return Reference(values[:n], values[n : 2 * n], values[2 * n :])
+
+    def _make_table(self) -> Array:
+        """Return what the basis is multiplied with: rows are positions, velocities and accelerations."""
+        n = self.n
+        table = np.zeros((3 * n, 1 + 2 * len(self._rates)))
+        table[:n, 0] = self.offset
+        along, across = self.amplitude * np.cos(self.phase), self.amplitude * np.sin(self.phase)
+        for joint, rate in enumerate(2.0 * math.pi * self.frequency):
+            column = 1 + 2 * self._rates.index(float(rate))
+            a, b = along[joint], across[joint]
+            table[joint::n, column] = a, -rate * b, -(rate**2) * a
+            table[joint::n, column + 1] = b, rate * a, -(rate**2) * b
+        return table

@@ -81,7 +81,7 @@ class SampledTrajectory(PiecewisePolynomial):
 
 def _closed(points: Array) -> Array:
     """Return points whose last is exactly the first, as SciPy demands of a period."""
-    closed = points.copy()
+    closed: Array = points.copy()
     closed[-1] = closed[0]
     return closed
 
