@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -88,9 +89,18 @@ class TrajectoryTracking(Controller):
         stiffness, damping = inertia_scaled_gains(system, goal)
         robot = system.robot
         trajectory: Trajectory = (
-            swing(robot) if np.array_equal(goal, robot.home) else MinimumJerk.within_limits(robot, robot.home, goal)
+            swing(robot, robot.near_home())
+            if np.array_equal(goal, robot.home)
+            else MinimumJerk.within_limits(robot, robot.home, goal)
         )
         return {"trajectory": trajectory, "stiffness": stiffness, "damping": damping}
+
+    @property
+    def unheld(self) -> TrajectoryTracking:
+        """The same law for a torque that is not held: the one that the certificate is about."""
+        law = copy.copy(self)
+        law.hold = 0.0
+        return law
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -168,12 +178,12 @@ class TrajectoryTracking(Controller):
         return later, self.system.state_type(self.system, position, x.velocity + (then.velocity - now.velocity))
 
 
-def swing(robot: Robot, *, fraction: float = 0.5) -> Sinusoid:
-    """Return a sinusoid from home to a posture near it and back, at up to a ``fraction`` of the velocity limits.
+def swing(robot: Robot, goal: ArrayLike, *, fraction: float = 0.5) -> Sinusoid:
+    """Return a sinusoid from home to a posture [rad] and back, at up to a ``fraction`` of the velocity limits.
 
     It starts from rest at home; all joints have one period, of at least 4 s.
     """
-    way = robot.near_home() - robot.home
+    way = robot.difference(robot.position(goal), robot.home)
     speed = number("fraction", fraction, minimum=0.0, exclusive=True) * usual_speed(robot)
     period = max(4.0, float((np.pi * np.abs(way) / speed).max()))
     return Sinusoid(0.5 * way, 1.0 / period, offset=robot.home + 0.5 * way)
