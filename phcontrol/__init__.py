@@ -17,6 +17,8 @@ from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.controllers.tracking_transformation import TrackingTransformation
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -46,6 +48,11 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.trajectories.limits import LimitReport, check_limits
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.visualization.live import LiveView
 from phcontrol.visualization.recording import record
 
@@ -60,6 +67,7 @@ __all__ = [
     "Command",
     "CompliantBody",
     "Controller",
+    "CubicSpline",
     "DataFileError",
     "Disturbance",
     "EnergyShaping",
@@ -76,36 +84,46 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "LimitReport",
     "LiveView",
     "Log",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
+    "MinimumJerk",
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
     "PHControlError",
     "PowerBalance",
     "Pulse",
+    "QuinticSpline",
+    "Reference",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
+    "SampledTrajectory",
     "Schedule",
     "Shaping",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "Sinusoid",
     "SphereContact",
     "Step",
     "StribeckFriction",
     "Target",
     "TotalForceRejection",
+    "TrackingTransformation",
+    "Trajectory",
+    "TrajectoryTracking",
     "UnknownNameError",
     "Wrench",
     "__version__",
     "certify",
     "check_canonical_transformation",
+    "check_limits",
     "damping_for_gain",
     "equilibrium",
     "force_control_conditions",

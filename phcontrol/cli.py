@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, ParamSpec, TypeVar, get_type_hints
 
 import typer
 
+from phcontrol._validation import Array, choice
 from phcontrol._version import __version__
 from phcontrol.analysis.certificate import certify as make_certificate
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking, swing
 from phcontrol.exceptions import (
     DataFileError,
     InvalidArgumentError,
@@ -22,17 +25,25 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
 )
+from phcontrol.experiments.certificate_survey import SurveyRow, every_arm, markdown, survey
 from phcontrol.experiments.position import PositionRun, run_position
 from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.robot import check_joint_names
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories.files import read_trajectory
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from phcontrol.visualization.live import LiveView
+
+ALL_FORMS = tuple(dict.fromkeys(form for entry in CONTROLLERS.values() for form in entry.law.forms))
 
 app = typer.Typer(
     help="Energy-based control of robot arms, with a certificate for every controller.",
@@ -52,6 +63,10 @@ Result = TypeVar("Result")
 RobotOption = Annotated[str, typer.Option(help="A shipped robot, a URDF file, or a name of example-robot-data.")]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
 FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
+ArmatureOption = Annotated[
+    str | None,
+    typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
@@ -64,6 +79,14 @@ RecordOption = Annotated[
 PortOption = Annotated[
     int | None, typer.Option(help="To serve the view on; 0 for any free one. Default: the first free one from 7000.")
 ]
+
+
+class Showing(NamedTuple):
+    """How a run is to be shown."""
+
+    view: bool = False
+    record: Path | None = None
+    port: int | None = None
 
 
 def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -92,13 +115,11 @@ def version_option(
         typer.echo(context.get_help())
 
 
-@run_app.command("position")
-@reports_errors
-def run_position_command(
-    robot: RobotOption = "pera",
+def run_arm(
     controller: Annotated[
         str, typer.Option(help="A law that holds a position; see 'phcontrol controllers'.")
     ] = "force_feedback",
+    robot: RobotOption = "pera",
     interconnection: FormOption = "coriolis",
     goal: Annotated[
         str | None,
@@ -111,48 +132,137 @@ def run_position_command(
         float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
     ] = None,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
-    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/position"),
+    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
 ) -> None:
     """Take an arm from its home to a posture, and certify the law that does it."""
-    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
-    _check_writable(out)
-    with _watching(view, port) as watch:
-        result = _run_position(
-            out,
-            system,
-            controller=controller,
-            goal=None if goal is None else _goal(goal),
-            duration=duration,
-            interconnection=interconnection,
-            samples=samples,
-            options=_settings(settings),
-            dt=dt,
-            integrator=integrator,
-            control_period=control_period,
-            watch=watch,
-        )
+    _run_and_write(
+        _system(robot, lock, armature),
+        Path("results/position") if out is None else out,
+        Showing(view, record, port),
+        controller=controller,
+        goal=None if goal is None else _by_joint("--goal", goal),
+        duration=duration,
+        interconnection=interconnection,
+        samples=samples,
+        options=_settings(settings),
+        dt=dt,
+        integrator=integrator,
+        control_period=control_period,
+    )
+
+
+def _run_and_write(system: MechanicalSystem, folder: Path, showing: Showing, **arguments: Any) -> None:
+    _check_writable(folder)
+    with _watching(showing) as watch:
+        result = _run(system, folder, watch=watch, **arguments)
         typer.echo(result.summary())
-        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
-        _record({"": result.log}, record)
+        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(folder)))
+        _record({"": result.log}, showing.record)
         if watch is not None:
             watch.linger(result.log)
     if not result.certificate.passed:
         raise typer.Exit(1)
 
 
-def _run_position(out: Path, system: MechanicalSystem, **arguments: Any) -> PositionRun:
+def _run(system: MechanicalSystem, folder: Path, **arguments: Any) -> PositionRun:
     """Run, and when the run fails keep what there is of its log."""
     try:
         return run_position(system, **arguments)
     except SimulationError as error:
         if len(error.log):
-            typer.echo(f"kept the log so far in {error.log.save(out / 'log-stopped.npz')}", err=True)
+            typer.echo(f"kept the log so far in {error.log.save(folder / 'log-stopped.npz')}", err=True)
         raise
+
+
+run_app.command("position")(reports_errors(run_arm))
+
+
+@run_app.command("track", short_help="Follow a trajectory with any arm, and certify the law that does it.")
+@reports_errors
+def track(
+    robot: RobotOption = "pera",
+    trajectory: Annotated[
+        str,
+        typer.Option(
+            help="'swing' from home to the goal and back for ever, 'reach' the goal by minimum jerk, or a CSV file of "
+            "times [s] and joint positions [rad], one row an instant."
+        ),
+    ] = "swing",
+    goal: Annotated[
+        str | None, typer.Option(help="Angles [rad] or joint=angle pairs. Default: a posture near home.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Largest fraction of the velocity limits (swing, reach).")] = 0.5,
+    external_force: Annotated[
+        str, typer.Option(help="What the law knows of it: none, measured, or observed (momentum observer).")
+    ] = "none",
+    push: Annotated[str | None, typer.Option(help="Constant external force on the joints [N·m], as --goal.")] = None,
+    interconnection: Annotated[
+        str, typer.Option(help=f"Which J2 the law uses: {', '.join(TrajectoryTracking.forms)}.")
+    ] = "coriolis",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
+    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    control_period: Annotated[
+        float | None,
+        typer.Option(help="Hold the torque for this long [s]; it is computed for the middle of that time."),
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/track"),
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
+) -> None:
+    """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
+    system = _system(robot, lock, armature)
+    posture = system.robot.near_home() if goal is None else system.robot.position(_by_joint("--goal", goal))
+    knowledge = choice("external force", external_force, ("none", "measured", "observed"))
+    _run_and_write(
+        system,
+        out,
+        Showing(view, record, port),
+        controller="tracking" if knowledge == "none" else "tracking_measured",
+        goal=posture,
+        duration=duration,
+        interconnection=interconnection,
+        samples=samples,
+        options={"trajectory": _trajectory(trajectory, system, posture, speed), "hold": control_period or 0.0}
+        | _settings(settings),
+        dt=dt,
+        control_period=control_period,
+        disturbance=None if push is None else _joint_values(system, "--push", push),
+        sensors=[MomentumObserver(system)] if knowledge == "observed" else None,
+    )
+
+
+def _add_law(name: str, summary: str) -> None:
+    """Make ``run NAME`` of ``run position``: the same options but --controller."""
+    signature, hints = inspect.signature(run_arm), get_type_hints(run_arm, include_extras=True)
+
+    def command(out: Path | None = None, **arguments: Any) -> None:
+        run_arm(controller=name, out=Path("results") / name if out is None else out, **arguments)
+
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[
+            parameter.replace(annotation=hints[key])
+            for key, parameter in signature.parameters.items()
+            if key != "controller"
+        ]
+    )
+    command.__annotations__ = {key: hint for key, hint in hints.items() if key != "controller"}
+    wrapped = reports_errors(command)
+    run_app.command(name, help=f"Run an arm under {name}: {summary}.", short_help=f"law: {summary}")(wrapped)
+
+
+for _name, _entry in CONTROLLERS.items():
+    _add_law(_name, _entry.summary)
 
 
 def _add_study(name: str, summary: str) -> None:
@@ -191,47 +301,71 @@ def view_command(
 @reports_errors
 def certify(
     controller: Annotated[str, typer.Option(help="A law, or 'all'.")] = "all",
-    robot: RobotOption = "pera",
-    interconnection: Annotated[str, typer.Option(help=f"{', '.join(INTERCONNECTIONS)} or all.")] = "all",
+    robot: Annotated[
+        str, typer.Option(help="As in 'run', or 'all': every arm that can be named, a table of matching residuals.")
+    ] = "pera",
+    interconnection: Annotated[str, typer.Option(help=f"{', '.join(ALL_FORMS)} or all.")] = "all",
     samples: Annotated[int, typer.Option(help="Number of random states.")] = 50,
     seed: Annotated[int, typer.Option(help="Seed of the random states.")] = 0,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Prove numerically that a law's closed loop is the system it claims. Exit code 1 if it is not."""
-    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
-    names = list(CONTROLLERS) if controller == "all" else [controller]
-    forms = list(INTERCONNECTIONS) if interconnection == "all" else [interconnection]
-    certificates = [
-        make_certificate(
-            make_controller(name, system, interconnection=form, **_settings(settings)),
-            system,
-            samples=samples,
-            seed=seed,
-        )
+    names = list(CONTROLLERS) if controller == "all" else [choice("controller", controller, CONTROLLERS)]
+    if interconnection != "all":
+        choice("interconnection", interconnection, ALL_FORMS)
+        names = [name for name in names if len(names) == 1 or interconnection in CONTROLLERS[name].law.forms]
+    if robot == "all":
+        if lock or armature is not None or settings:
+            raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
+        _certify_every_arm(names, interconnection, samples, seed, as_json)
+        return
+    system = _system(robot, lock, armature)
+    labelled = [
+        (name, make_certificate(law, system, samples=samples, seed=seed))
         for name in names
-        for form in forms
+        for form in (CONTROLLERS[name].law.forms if interconnection == "all" else [interconnection])
+        for law in [make_controller(name, system, interconnection=form, **_settings(settings))]
     ]
-    labels = [name for name in names for _ in forms]
     if as_json:
-        typer.echo(
-            json.dumps(
-                [item.to_dict() | {"law": label} for label, item in zip(labels, certificates, strict=True)], indent=2
-            )
-        )
-    elif len(certificates) == 1:
-        typer.echo(str(certificates[0]))
+        typer.echo(json.dumps([item.to_dict() | {"law": label} for label, item in labelled], indent=2))
+    elif len(labelled) == 1:
+        typer.echo(str(labelled[0][1]))
     else:
         typer.echo(f"{system.robot.name}, {system.n} joints, {samples} states, seed {seed}")
-        typer.echo(f"{'law':<26}{'J2':<11}{'matching':>10}{'skewness':>10}{'min R_d':>10}{'max dH_d':>10}  verdict")
-        for label, item in zip(labels, certificates, strict=True):
+        typer.echo(f"{'law':<32}{'J2':<12}{'matching':>10}{'skewness':>10}{'min R_d':>10}{'max dH_d':>10}  verdict")
+        for label, item in labelled:
             typer.echo(
-                f"{label:<26}{item.interconnection:<11}{item.matching_residual:>10.1e}{item.skewness:>10.1e}"
+                f"{label:<32}{item.interconnection:<12}{item.matching_residual:>10.1e}{item.skewness:>10.1e}"
                 f"{item.smallest_dissipation:>10.1e}{item.largest_storage_rate:>10.1e}  "
                 + ("passed" if item.passed else "FAILED")
             )
-    if not all(item.passed for item in certificates):
+    if not all(item.passed for _, item in labelled):
+        raise typer.Exit(1)
+
+
+def _certify_every_arm(names: list[str], form: str, samples: int, seed: int, as_json: bool) -> None:
+    rows = []
+    forms = [each for each in ALL_FORMS if any(each in CONTROLLERS[name].law.forms for name in names)]
+
+    def surveyed() -> Iterator[SurveyRow]:
+        for row in survey(every_arm(), names, form=form, samples=samples, seed=seed):
+            rows.append(row)
+            yield row
+
+    if as_json:
+        data = [
+            {"robot": row.robot, "joints": row.joints, "law": row.law, "verdict": row.verdict, "refused": row.refused}
+            | {"certificates": [certificate.to_dict() for certificate in row.certificates]}
+            for row in surveyed()
+        ]
+        typer.echo(json.dumps(data, indent=2))
+    else:
+        for line in markdown(surveyed(), forms if form == "all" else [form]):
+            typer.echo(line)
+    if any(row.verdict == "FAILED" for row in rows):
         raise typer.Exit(1)
 
 
@@ -309,14 +443,14 @@ def main() -> None:
 
 
 @contextmanager
-def _watching(view: bool, port: int | None) -> Iterator[LiveView | None]:
+def _watching(showing: Showing) -> Iterator[LiveView | None]:
     """Give a live view, or nothing where none is wished."""
-    if not view:
+    if not showing.view:
         yield None
         return
     from phcontrol.visualization.live import LiveView
 
-    with LiveView(port=port) as live:
+    with LiveView(port=showing.port) as live:
         yield live
 
 
@@ -342,16 +476,39 @@ def _show(logs: Mapping[str, Log], port: int | None) -> None:
         view(recorded_page(log), port=port)
 
 
-def _goal(text: str) -> dict[str, float] | list[float]:
+def _system(robot: str, lock: list[str] | None, armature: str | None) -> MechanicalSystem:
+    rotors = None if armature is None else _by_joint("--armature", armature)
+    if isinstance(rotors, list) and len(rotors) == 1:
+        return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors[0]))
+    return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors))
+
+
+def _joint_values(system: MechanicalSystem, option: str, text: str) -> list[float]:
+    """Return one number a joint; joints that pairs do not name get 0."""
+    values = _by_joint(option, text)
+    if isinstance(values, list):
+        return values
+    check_joint_names(list(values), system.robot.joint_names, system.robot.name)
+    return [values.get(name, 0.0) for name in system.robot.joint_names]
+
+
+def _trajectory(kind: str, system: MechanicalSystem, goal: Array, speed: float) -> Trajectory:
+    if kind == "swing":
+        return swing(system.robot, goal, fraction=speed)
+    if kind == "reach":
+        return MinimumJerk.within_limits(system.robot, system.robot.home, goal, fraction=speed)
+    return read_trajectory(kind, system.robot)
+
+
+def _by_joint(option: str, text: str) -> dict[str, float] | list[float]:
     parts = [part.strip() for part in text.split(",") if part.strip()]
     try:
         if all("=" in part for part in parts):
             return {name.strip(): float(value) for name, value in (part.split("=", 1) for part in parts)}
         return [float(part) for part in parts]
     except ValueError as error:
-        raise InvalidArgumentError(
-            "--goal", f"must be angles like 0.1,0.2 or pairs like elbow=0.3, but is '{text}'"
-        ) from error
+        message = f"must be {'angles' if option == '--goal' else 'numbers'} like 0.1,0.2 or pairs like elbow=0.3"
+        raise InvalidArgumentError(option, f"{message}, but is '{text}'") from error
 
 
 def _settings(pairs: list[str] | None) -> dict[str, Any]:

@@ -1,10 +1,12 @@
-"""Numbers read off a log with contact."""
+"""Numbers read off a log."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from phcontrol._validation import Array
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories.trajectory import Trajectory
 
 
 def touch_time(log: Log) -> float:
@@ -25,3 +27,9 @@ def settling_time(log: Log, force: float, within: float = 0.05) -> float:
     if outside.size == 0:
         return 0.0
     return float(log.time[outside[-1] + 1]) if outside[-1] + 1 < len(log) else float("inf")
+
+
+def tracking_error(log: Log, trajectory: Trajectory) -> Array:
+    """Return q − q_d at every sample, shape (N, n) [rad]."""
+    error: Array = log.position - np.array([trajectory.at(float(t)).position for t in log.time])
+    return error

@@ -1,4 +1,4 @@
-"""An arm goes from rest to a posture and stays there: the first thing to try on any arm."""
+"""Any law on any arm, from rest at home: to a posture, or along a trajectory. The first thing to try."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from phcontrol._validation import Array
 from phcontrol.analysis.certificate import Certificate, certify
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import make_controller
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories.limits import LimitReport, check_limits
 
 REACHABLE = {"pera": (-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2), "pera_shoulder": (1.0, 0.5), "pera_gripper": (0.6,)}
 """Postures inside the joint limits, for the shipped arms [rad]."""
@@ -32,13 +34,22 @@ class PositionRun:
     log: Log
     certificate: Certificate
     goal: Array
+    """Where the arm should be, shape (n,), or at every sample, shape (N, n) [rad]."""
     wall_time: float
     robot: Robot
+    limits: LimitReport | None = None
+    """What the trajectory asks of the arm; None for a law that has none."""
 
     @property
     def final_error(self) -> float:
-        """Largest joint error at the end [rad]."""
-        return float(np.abs(self.log.position[-1] - self.goal).max())
+        """Largest joint error at the end [rad]; in continuous joints the shorter way round."""
+        return float(self.errors[-1])
+
+    @property
+    def errors(self) -> Array:
+        """Largest joint error at every sample, shape (N,) [rad]."""
+        error: Array = np.abs(self.robot.difference(self.log.position, self.goal)).max(axis=1)
+        return error
 
     @property
     def real_time_factor(self) -> float:
@@ -61,12 +72,19 @@ class PositionRun:
         ]
         balance = log.power_balance("plant")
         grew = self.largest_storage_step
+        never = grew <= max(1e-9 * float(log.storage.max()), 1e-12)
+        follows = [] if self.limits is None else [
+            f"  error on the way   {self.errors.max():.2e} rad at most, "
+            f"{self.errors[len(log) // 2 :].max():.2e} rad in the second half",
+            *(f"  {line}" for line in str(self.limits).splitlines()),
+        ]  # fmt: skip
         return "\n".join(
             [
                 f"{log.metadata['controller']} ({log.metadata['interconnection']}) on {robot.name}, {robot.n} joints",
                 f"  final error        {self.final_error:.2e} rad after {log.time[-1]:g} s (largest joint error)",
                 f"  storage H_d        {log.storage[0]:.3g} J -> {log.storage[-1]:.3g} J, "
-                + ("never grew" if grew <= 1e-9 * log.storage[0] else f"grew by up to {grew:.2g} J in a step"),
+                + ("never grew" if never else f"grew by up to {grew:.2g} J in a step"),
+                *follows,
                 f"  plant's power      balances to {balance.largest_residual:.1e} W "
                 f"({balance.relative_residual:.1e} of the largest power)",
                 f"  torque limits      acted on {int(log.saturated.sum())} of {len(log)} samples",
@@ -94,10 +112,7 @@ def reachable_goal(robot: Robot) -> Array:
     """Return a posture inside the limits, some way from home."""
     if robot.name in REACHABLE and len(REACHABLE[robot.name]) == robot.n:
         return np.array(REACHABLE[robot.name])
-    middle = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), robot.home + 1.0)
-    step = np.where(np.array(robot.prismatic), 0.05, 0.4)
-    goal: Array = robot.home + np.clip(np.where(middle == robot.home, step, middle - robot.home), -step, step)
-    return goal
+    return robot.near_home()
 
 
 def run_position(
@@ -111,12 +126,13 @@ def run_position(
     options: dict[str, Any] | None = None,
     **simulation: Any,
 ) -> PositionRun:
-    """Take an arm from its home to a goal and certify the law that did it.
+    """Let a law act on an arm that rests at home, and certify it there.
 
     Args:
         system: the arm.
-        controller: a registered law that holds a position.
-        goal: [rad]; by default a reachable posture of the arm.
+        controller: a registered law.
+        goal: [rad]; by default a reachable posture of the arm. A tracking law goes there by minimum jerk, unless
+            ``options`` has another trajectory.
         duration: [s].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
@@ -128,4 +144,9 @@ def run_position(
     start = time.perf_counter()
     log = simulate(system, law, duration=duration, **simulation)
     wall_time = time.perf_counter() - start
-    return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
+    if not isinstance(law, TrajectoryTracking):
+        return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
+    certificate = certify(law.unheld, system, samples=samples)
+    wished = np.array([law.trajectory.at(float(t)).position for t in log.time])
+    limits = check_limits(law.trajectory, system)
+    return PositionRun(log, certificate, wished, wall_time, system.robot, limits)

@@ -44,6 +44,11 @@ STUDIES: dict[str, Study] = {
     "fig-4-8": _grasp("fig-4-8", "rigid", "force", True),
     "fig-4-9": _grasp("fig-4-9", "compliant", "position", True),
     "fig-4-10": _grasp("fig-4-10", "compliant", "force", True),
+    "fig-6-1": Study("tracking", "the shoulder follows a sinusoid (thesis figure 6.1)", ("fig-6-1",)),
+    "fig-6-2": Study("tracking", "its error, and what makes it the thesis's (thesis figure 6.2)", ("fig-6-2",)),
+    "fig-6-3": Study("tracking", "three frequencies, stand-in for the measured (thesis figure 6.3)", ("fig-6-3",)),
+    "fig-6-4": Study("tracking", "their errors, stand-in for the measured (thesis figure 6.4)", ("fig-6-4",)),
+    "track-pera": Study("track_pera", "all seven joints follow sinusoids, control at 1 kHz"),
     "pera-press": Study("pera_press", "the seven-joint arm presses a wall with 10 N, soft to hard"),
     "grasp-grid": Study("grasp_grid", "the grasping laws compared under equal conditions, over bodies and gains"),
 }
