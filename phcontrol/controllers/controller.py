@@ -152,7 +152,7 @@ class Controller(ABC):
         """Return the controller's state to start with: zero."""
         return np.zeros(self.state_size)
 
-    def posture(self, t: float) -> Array | None:
+    def target_posture(self, t: float) -> Array | None:
         """Return the posture that the law brings the arm to at time t [s], shape (n,) [rad]; None when it has none."""
         goal = getattr(self, "goal", None)
         return goal if isinstance(goal, np.ndarray) and goal.shape == (self.system.n,) else None

@@ -72,9 +72,9 @@ class Schedule(Controller):
         """Return the law that acts at time t [s]."""
         return self.laws[self._index(t)]
 
-    def posture(self, t: float) -> Array | None:
+    def target_posture(self, t: float) -> Array | None:
         """Return the posture of the active law, or while it has none the first that another law has."""
-        postures = [law.posture(t) for law in (self.active(t), *self.laws)]
+        postures = [law.target_posture(t) for law in (self.active(t), *self.laws)]
         return next((posture for posture in postures if posture is not None), None)
 
     def _index(self, t: float) -> int:

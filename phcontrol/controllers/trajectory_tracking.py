@@ -107,7 +107,7 @@ class TrajectoryTracking(Controller):
         """The external force, when it is cancelled."""
         return ("external_force",) if self.measured else ()
 
-    def posture(self, t: float) -> Array:
+    def target_posture(self, t: float) -> Array:
         """Return q_d at time t [s]."""
         return self.trajectory.at(t).position
 

@@ -329,7 +329,7 @@ class Log:
         }
         if loop.wrenches:
             row["wrench_forces"] = [wrench.world_force(t, x) for wrench in loop.wrenches]
-        goal = loop.controller.posture(t)
+        goal = loop.controller.target_posture(t)
         return row if goal is None else row | {"goal": goal}
 
     def power_balance(self, of: str = "storage") -> PowerBalance:

@@ -10,8 +10,8 @@ import numpy as np
 from phcontrol._validation import positive
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.page import page
-from phcontrol.visualization.scene import Scene
 from phcontrol.visualization.server import PageServer, announce_page
+from phcontrol.visualization.stage import Stage
 
 
 class LiveView:
@@ -42,7 +42,7 @@ class LiveView:
         self.period = 1.0 / positive("rate", rate)
         self.real_time, self._announce = real_time, announce or announce_page
         self.server = PageServer(port)
-        self._scene: Scene | None = None
+        self._stage: Stage | None = None
         self._start = self._next = 0.0
         self.shown = self.dropped = 0
 
@@ -50,7 +50,7 @@ class LiveView:
         """Show the last sample, if it is time for a frame."""
         now = time.perf_counter()
         k = len(log) - 1
-        if self._scene is None:
+        if self._stage is None:
             self._begin(log, k)
             now = time.perf_counter()
             self._start = now - float(log.time[k])
@@ -64,8 +64,8 @@ class LiveView:
             self._show(log, k)
 
     def _show(self, log: Log, k: int) -> None:
-        assert self._scene is not None
-        frame = self._scene.frame(float(log.time[k]), log.position[k], log.derive(k))
+        assert self._stage is not None
+        frame = self._stage.frame(float(log.time[k]), log.position[k], log.derive(k))
         if self.server.send(frame.astype("<f4").tobytes()):
             self.shown += 1
         else:
@@ -73,14 +73,14 @@ class LiveView:
 
     def _begin(self, log: Log, k: int) -> None:
         row = log.derive(k)
-        self._scene = Scene.of(log, goal="goal" in row)
-        first = self._scene.frame(float(log.time[k]), log.position[k], row)
-        self.server.publish(page(self._scene, np.array([first]), live=True))
+        self._stage = Stage.of(log, goal="goal" in row)
+        first = self._stage.frame(float(log.time[k]), log.position[k], row)
+        self.server.publish(page(self._stage, np.array([first]), live=True))
         self._announce(self.server)
 
     def finish(self, log: Log) -> None:
         """Show the last sample of a run that has ended, and tell the browser; it can then play the run again."""
-        if self._scene is not None:
+        if self._stage is not None:
             self._show(log, len(log) - 1)
             self.server.end()
 

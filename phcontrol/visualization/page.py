@@ -14,18 +14,18 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.exceptions import PHControlError
-from phcontrol.visualization.scene import Scene
 from phcontrol.visualization.shapes import encode
+from phcontrol.visualization.stage import Stage
 
 
-def page(scene: Scene, frames: Array, *, live: bool = False, script: str | None = None) -> str:
-    """Return the page of a scene and its frames, shape (N, columns).
+def page(stage: Stage, frames: Array, *, live: bool = False, script: str | None = None) -> str:
+    """Return the page of a stage and its frames, shape (N, columns).
 
     A live page hears of more frames by itself. ``script`` is the address of MeshCat's script, for pages that share
     one; by default it is part of the page.
     """
-    center, radius = scene.extent(frames[np.linspace(0, len(frames) - 1, 5).astype(int)])
-    run = scene.to_dict() | {
+    center, radius = stage.extent(frames[np.linspace(0, len(frames) - 1, 5).astype(int)])
+    run = stage.to_dict() | {
         "live": live,
         "center": center,
         "radius": max(radius, 1e-2),
@@ -33,7 +33,7 @@ def page(scene: Scene, frames: Array, *, live: bool = False, script: str | None 
     }
     text = _asset("player.html")
     parts = {
-        "title": html.escape(scene.title),
+        "title": html.escape(stage.title),
         "style": _asset("player.css"),
         "meshcat": f"<script>\n{meshcat_script()}\n</script>"
         if script is None

@@ -12,7 +12,7 @@ from phcontrol._validation import Array, positive
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.page import page
-from phcontrol.visualization.scene import Scene
+from phcontrol.visualization.stage import Stage
 
 LARGEST = 6000
 """Frames at most: a longer run has fewer a second."""
@@ -34,13 +34,13 @@ def record(log: Log, path: str | os.PathLike[str], *, robot: Robot | None = None
 
 def recorded_page(log: Log, *, robot: Robot | None = None, rate: float = 30.0, script: str | None = None) -> str:
     """Return that page as text; with the address of MeshCat's ``script``, that is not part of it."""
-    scene = Scene.of(log, robot)
-    return page(scene, frames_of(log, scene, positive("rate", rate)), script=script)
+    stage = Stage.of(log, robot)
+    return page(stage, frames_of(log, stage, positive("rate", rate)), script=script)
 
 
-def frames_of(log: Log, scene: Scene, rate: float) -> Array:
+def frames_of(log: Log, stage: Stage, rate: float) -> Array:
     """Return frames at even times, the last sample included, shape (frames, columns)."""
     start, end = float(log.time[0]), float(log.time[-1])
     count = min(LARGEST, max(2, round((end - start) * rate) + 1))
     rows = np.unique(np.searchsorted(log.time, np.linspace(start, end, count) - 1e-9).clip(0, len(log.time) - 1))
-    return np.array([scene.frame(log.time[k], log.position[k], log.row(k)) for k in rows])
+    return np.array([stage.frame(log.time[k], log.position[k], log.row(k)) for k in rows])

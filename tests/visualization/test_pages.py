@@ -1,4 +1,4 @@
-"""Pages in a real browser: what is asserted is where the scene has its objects, beside what is seen."""
+"""Pages in a real browser: what is asserted is where the stage has its objects, beside what is seen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def where(page, node):
 
 
 def looks_drawn(png):
-    """Return whether a picture has the variety of a drawn scene rather than an empty pane."""
+    """Return whether a picture has the variety of a drawn stage rather than an empty pane."""
     import io
 
     from PIL import Image
@@ -76,7 +76,7 @@ def test_play_pause_scrub_and_speed(browser, log, tmp_path):
 
 
 def test_a_missing_mesh_is_said_on_the_page(browser, tmp_path):
-    from tests.visualization.test_scene import ARM
+    from tests.visualization.test_stage import ARM
 
     mesh = '<visual><geometry><mesh filename="package://parts/arm.stl"/></geometry></visual>'
     (tmp_path / "arm.urdf").write_text(ARM.format(mesh))

@@ -1,4 +1,4 @@
-"""The scene of a run: what stands in it, and where everything is at one moment."""
+"""The stage of a run: what stands in it, and where everything is at one moment."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CONTACT_VALUE = {"name": "contact", "label": "contact force", "unit": "N", "char
 
 @dataclass(frozen=True)
 class Node:
-    """A part of the scene that moves as one, with the shapes fixed to it."""
+    """A part of the stage that moves as one, with the shapes fixed to it."""
 
     path: str
     shapes: list[Shape]
@@ -49,7 +49,7 @@ class Arrow:
     unit: str
 
 
-class Scene:
+class Stage:
     """Everything drawn of a run, and :meth:`frame`, which says where it is at one sample.
 
     A frame is one row of numbers: time, seven for the pose of each node (position and quaternion x, y, z, w),
@@ -100,8 +100,8 @@ class Scene:
             self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
 
     @classmethod
-    def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None) -> Scene:
-        """Return the scene of a log. Raises PHControlError when the log does not say what robot it is of."""
+    def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None) -> Stage:
+        """Return the stage of a log. Raises PHControlError when the log does not say what robot it is of."""
         metadata = log.metadata
         if robot is None:
             if "robot_record" not in metadata:
@@ -236,7 +236,7 @@ class _Contact:
         self.arrows: list[Arrow] = []
 
     def frame(
-        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         """Return the poses of its nodes and its arrow."""
         return [], []
@@ -245,32 +245,32 @@ class _Contact:
 class _JointBody(_Contact):
     """A body in a joint's way: the links that the joint moves, where they meet it; its force along the joint's axis."""
 
-    def __init__(self, scene: Scene, number: int, geometry: JointContact) -> None:
+    def __init__(self, stage: Stage, number: int, geometry: JointContact) -> None:
         super().__init__()
-        self.geometry, robot = geometry, scene.robot
+        self.geometry, robot = geometry, stage.robot
         self.index = robot.joint_index(geometry.joint)
         moved = np.array(robot.home)
         moved[self.index] += 0.1
-        before, after = scene._placements(np.array(robot.home)), scene._placements(moved)
-        self.links = [name for name in scene._shapes if not before[name].isApprox(after[name], 1e-9)]
-        self.nodes = [Node(f"bodies/{number}/{name}", _tinted(scene._shapes[name], BODY)) for name in self.links]
+        before, after = stage._placements(np.array(robot.home)), stage._placements(moved)
+        self.links = [name for name in stage._shapes if not before[name].isApprox(after[name], 1e-9)]
+        self.nodes = [Node(f"bodies/{number}/{name}", _tinted(stage._shapes[name], BODY)) for name in self.links]
         self.arrows = [Arrow(f"contact moment on {geometry.joint}", "N·m")]
         self.joint = robot.model.getJointId(geometry.joint)
-        column = pin.computeJointJacobians(robot.model, scene._data, robot.full_position(moved))[
+        column = pin.computeJointJacobians(robot.model, stage._data, robot.full_position(moved))[
             :, robot.model.joints[self.joint].idx_v
         ]
         world = column[3:] if np.any(column[3:]) else column[:3]  # turns about its axis, or slides along it
-        self.axis = scene._data.oMi[self.joint].rotation.T @ world
+        self.axis = stage._data.oMi[self.joint].rotation.T @ world
 
     def frame(
-        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         sign = 1.0 if self.geometry.side == "below" else -1.0
         touching = np.array(position)
         touching[self.index] = self.geometry.position - sign * depth
-        there = scene._placements(touching)
+        there = stage._placements(touching)
         poses = [value for name in self.links for value in pose_of(there[name])]
-        at_joint = scene._data.oMi[self.joint]
+        at_joint = stage._data.oMi[self.joint]
         return poses, [*at_joint.translation, *(sign * force * (at_joint.rotation @ self.axis))]
 
 
@@ -298,7 +298,7 @@ class _SphereBody(_Contact):
         self.arrows = [Arrow(f"contact force on {geometry.frame}", "N")]
 
     def frame(
-        self, scene: Scene, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         centre = here[self.geometry.frame]
         away = self.geometry.meet(centre.translation)[1]

@@ -23,7 +23,7 @@ from phcontrol import (
 )
 from phcontrol.mechanics.loading import robot_from_record
 from phcontrol.visualization.recording import frames_of, record
-from phcontrol.visualization.scene import Scene
+from phcontrol.visualization.stage import Stage
 from tests.conftest import ARMS, make_system
 
 ROW = {
@@ -39,15 +39,15 @@ ROW = {
 }
 
 
-def poses(scene, frame):
-    count = len(scene.nodes)
+def poses(stage, frame):
+    count = len(stage.nodes)
     table = frame[1 : 1 + 7 * count].reshape(count, 7)
-    return {node.path: pin.XYZQUATToSE3(pose) for node, pose in zip(scene.nodes, table, strict=True)}
+    return {node.path: pin.XYZQUATToSE3(pose) for node, pose in zip(stage.nodes, table, strict=True)}
 
 
-def arrows(scene, frame):
-    start = 1 + 7 * len(scene.nodes)
-    table = frame[start : start + 6 * len(scene.arrows)].reshape(-1, 6)
+def arrows(stage, frame):
+    start = 1 + 7 * len(stage.nodes)
+    table = frame[start : start + 6 * len(stage.arrows)].reshape(-1, 6)
     return [(row[:3], row[3:]) for row in table]
 
 
@@ -60,8 +60,8 @@ def test_links_are_where_yourdfpy_puts_them(name, rng):
     position = robot.random_position(rng)
     angles = dict(zip(robot.joint_names, position, strict=True)) | robot.locked_joints
     urdf.update_cfg({joint: angles[joint] for joint in urdf.actuated_joint_names})
-    for scene in (Scene(robot), Scene(again)):
-        placed = poses(scene, scene.frame(0.0, position, ROW))
+    for stage in (Stage(robot), Stage(again)):
+        placed = poses(stage, stage.frame(0.0, position, ROW))
         assert placed
         for path, pose in placed.items():
             if name == "panda" and path == "robot/panda_rightfinger":
@@ -73,15 +73,15 @@ def test_all_shapes_of_the_urdf_are_drawn():
     for name in ("pera", "ur5", "panda"):
         robot = load_robot(name)
         urdf = yourdfpy.URDF.load(io.StringIO(robot.description), build_scene_graph=False, load_meshes=False)
-        scene = Scene(robot)
-        assert scene.notes == []
+        stage = Stage(robot)
+        assert stage.notes == []
         wanted = {link.name for link in urdf.robot.links if link.visuals}
-        assert {node.path.removeprefix("robot/") for node in scene.nodes} == wanted
+        assert {node.path.removeprefix("robot/") for node in stage.nodes} == wanted
 
 
 def test_the_ghost_stands_at_the_goal(log):
-    scene = Scene.of(log)
-    placed = poses(scene, scene.frame(0.0, log.position[-1], log.row(len(log) - 1)))
+    stage = Stage.of(log)
+    placed = poses(stage, stage.frame(0.0, log.position[-1], log.row(len(log) - 1)))
     robot = load_robot("pera")
     for link in ("hand", "forearm"):
         assert placed[f"goal/{link}"].isApprox(robot.placement(link, log.goal[-1]), 1e-9)
@@ -91,8 +91,8 @@ def test_the_ghost_stands_at_the_goal(log):
 
 def test_arrows_are_the_forces(log):
     """The contact force pushes the tip up and away from the table; the wrench pulls at the hand."""
-    scene, k = Scene.of(log), len(log) - 1
-    (tip, contact), (hand, wrench) = arrows(scene, scene.frame(log.time[k], log.position[k], log.row(k)))
+    stage, k = Stage.of(log), len(log) - 1
+    (tip, contact), (hand, wrench) = arrows(stage, stage.frame(log.time[k], log.position[k], log.row(k)))
     robot = load_robot("pera")
     assert log.contact_force[k] > 1.0
     np.testing.assert_allclose(contact, [0.0, 0.0, log.contact_force[k]], atol=1e-9)
@@ -112,14 +112,14 @@ def test_a_body_in_a_joints_way_is_drawn_where_the_joint_meets_it():
     system = MechanicalSystem(load_robot("pera_gripper"))
     foam = CompliantBody(JointContact("gripper", 0.2), stiffness=2.0, damping=0.1, mass=0.01)
     log = simulate(system, make_controller("energy_shaping", system, goal=[0.1]), duration=2.0, q0=[0.3], bodies=[foam])
-    scene, k = Scene.of(log), len(log) - 1
-    frame = scene.frame(log.time[k], log.position[k], log.row(k))
+    stage, k = Stage.of(log), len(log) - 1
+    frame = stage.frame(log.time[k], log.position[k], log.row(k))
     depth = log.contact_depths[k, 0]
     assert depth > 0.01
     for finger in ("left_finger", "right_finger"):
         there = system.robot.placement(finger, [0.2 - depth])
-        assert poses(scene, frame)[f"bodies/0/{finger}"].isApprox(there, 1e-9)
-    ((_, moment),) = arrows(scene, frame)
+        assert poses(stage, frame)[f"bodies/0/{finger}"].isApprox(there, 1e-9)
+    ((_, moment),) = arrows(stage, frame)
     np.testing.assert_allclose(moment, [0.0, 0.0, log.contact_force[k]], atol=1e-9)
 
 
@@ -130,7 +130,7 @@ def test_a_loaded_log_gives_the_same_page(log, tmp_path):
 
 
 def test_frames_are_even_and_reach_the_end(log):
-    frames = frames_of(log, Scene.of(log), 30.0)
+    frames = frames_of(log, Stage.of(log), 30.0)
     assert len(frames) == 61
     assert frames[0, 0] == 0.0
     assert frames[-1, 0] == log.time[-1]
@@ -158,12 +158,12 @@ def test_a_mesh_that_is_missing_or_broken_is_a_note(tmp_path, content, note):
     (tmp_path / "arm.urdf").write_text(ARM.format(mesh))
     if content is not None:
         (tmp_path / "arm.stl").write_bytes(content)
-    scene = Scene(load_robot(tmp_path / "arm.urdf"))
-    (first, second) = scene.notes
+    stage = Stage(load_robot(tmp_path / "arm.urdf"))
+    (first, second) = stage.notes
     assert first.startswith("link arm is not drawn: ")
     assert any(part in first for part in note.split("|"))
     assert "lines between its joints" in second
-    assert {node.path for node in scene.nodes} == {"robot/base", "robot/arm"}
+    assert {node.path for node in stage.nodes} == {"robot/base", "robot/arm"}
 
 
 def test_a_mesh_beside_its_urdf_is_found_and_scaled(tmp_path):
@@ -172,15 +172,15 @@ def test_a_mesh_beside_its_urdf_is_found_and_scaled(tmp_path):
     trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "parts" / "arm.stl")
     mesh = '<visual><geometry><mesh filename="package://parts/arm.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
     (tmp_path / "arm.urdf").write_text(ARM.format(mesh))
-    (node,) = Scene(load_robot(tmp_path / "arm.urdf")).nodes
+    (node,) = Stage(load_robot(tmp_path / "arm.urdf")).nodes
     np.testing.assert_allclose(np.ptp(node.shapes[0].points, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
 
 
 def test_what_a_log_does_not_hold_is_said(log):
     stripped = Log(log._data, {key: value for key, value in log.metadata.items() if key != "robot_record"}, log._loop)
     with pytest.raises(PHControlError, match="does not hold its robot's description"):
-        Scene.of(stripped)
-    assert Scene.of(stripped, load_robot("pera")).nodes
+        Stage.of(stripped)
+    assert Stage.of(stripped, load_robot("pera")).nodes
 
 
 def test_a_body_with_a_geometry_of_its_own_is_a_note():
@@ -192,9 +192,9 @@ def test_a_body_with_a_geometry_of_its_own_is_a_note():
     log = simulate(
         system, make_controller("energy_shaping", system), duration=0.1, q0=[0.3], bodies=[RigidBody(Somewhere())]
     )
-    scene = Scene.of(log)
-    assert any("body 0 is not drawn" in note for note in scene.notes)
-    assert frames_of(log, scene, 30.0).shape[1] == 1 + 7 * len(scene.nodes) + len(scene.values) + 3
+    stage = Stage.of(log)
+    assert any("body 0 is not drawn" in note for note in stage.notes)
+    assert frames_of(log, stage, 30.0).shape[1] == 1 + 7 * len(stage.nodes) + len(stage.values) + 3
 
 
 @pytest.mark.parametrize("shape", ["sphere", "box"])
@@ -203,9 +203,9 @@ def test_bodies_in_space_stand_where_they_are(shape):
     size = 0.05 if shape == "sphere" else [0.1, 0.2, 0.05]
     body = RigidBody(SphereContact("tool", 0.01, shape, size=size, position=[0.9, 0.1, 0.4]))
     log = simulate(system, make_controller("energy_shaping", system), duration=0.05, bodies=[body])
-    scene = Scene.of(log)
-    placed = poses(scene, scene.frame(0.0, log.position[0], log.row(0)))
+    stage = Stage.of(log)
+    placed = poses(stage, stage.frame(0.0, log.position[0], log.row(0)))
     np.testing.assert_allclose(placed["bodies/0/shape"].translation, [0.9, 0.1, 0.4])
-    (node,) = [node for node in scene.nodes if node.path == "bodies/0/shape"]
+    (node,) = [node for node in stage.nodes if node.path == "bodies/0/shape"]
     assert node.shapes[0].kind == shape
     np.testing.assert_allclose(node.shapes[0].size, np.atleast_1d(size))
