@@ -29,12 +29,12 @@ ARMS = {
     "ur5": {},
     "kinova": {},  # continuous joints
 }
-SHIPPED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
+SHIPPED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper", "pera_with_gripper")
 
 
 @cache
 def make_system(name: str) -> MechanicalSystem:
-    return MechanicalSystem(load_robot(name.removesuffix("_with_fingers"), **ARMS[name]))
+    return MechanicalSystem(load_robot(name.removesuffix("_with_fingers"), **ARMS.get(name, {})))
 
 
 @pytest.fixture(params=list(ARMS))

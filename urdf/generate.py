@@ -28,7 +28,10 @@ NO_ROTATION = [0.0, 0.0, 0.0]
 def main() -> int:
     """Write or check every URDF; the exit code is 1 when a checked file is not up to date."""
     stale = []
-    for name, robot in tomllib.loads((HERE / "robots.toml").read_text()).items():
+    table = tomllib.loads((HERE / "robots.toml").read_text())
+    for name, robot in table.items():
+        if "extends" in robot:
+            robot = extended(table[robot["extends"]], robot)
         path, text = HERE / f"{name}.urdf", urdf(name, robot)
         if "--check" not in sys.argv:
             path.write_text(text)
@@ -37,6 +40,13 @@ def main() -> int:
     if stale:
         print(f"not up to date: {', '.join(stale)}; run python urdf/generate.py", file=sys.stderr)
     return 1 if stale else 0
+
+
+def extended(base: dict[str, Any], robot: dict[str, Any]) -> dict[str, Any]:
+    """Return a robot that has the parts of another and more of its own; ``bare_links`` lose their shapes."""
+    joints = [joint | ({"visuals": []} if joint["link"] in robot["bare_links"] else {}) for joint in base["joints"]]
+    parts = {key: base.get(key, []) + robot.get(key, []) for key in ("visuals", "frames", "frame_visuals", "followers")}
+    return base | robot | parts | {"joints": joints + robot["joints"]}
 
 
 def urdf(name: str, robot: dict[str, Any]) -> str:

@@ -18,7 +18,7 @@ from phcontrol._validation import Array, number, vector
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
-from phcontrol.mechanics.potentials import GripperSpring
+from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
 from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
 
 DRY_FRICTION_SMOOTHING = 1e-3
@@ -53,6 +53,9 @@ def load_robot(
     description = find(source)
     description.package_directories += tuple(Path(directory) for directory in package_directories)
     robot = _build(description, locked_joints)
+    if armature is None and "armature" in description.extras:
+        rotors = description.extras["armature"]
+        armature = {name: value for name, value in rotors.items() if name in robot.joint_names}
     if armature is not None:
         robot = _with_armature(robot, armature)
     robot.check_inertia()
@@ -93,8 +96,11 @@ def _build(description: Description, locked_joints: Sequence[str] | Mapping[str,
     if model.nv == 0:
         raise RobotDescriptionError(f"{description.path}: has no moving joint")
     _read_rotor_parameters(model, description)
-    home = _home(model, description)
     mimics = {name: _mimic(joint) for name, joint in joints.items() if joint.find("mimic") is not None}
+    home = _home(model, description)
+    if "home" in description.extras:
+        free = [name not in mimics for name in list(model.names)[1:]]
+        home[free] = description.extras["home"]
     locked = _locked_angles(description.name, locked_joints, mimics, list(model.names)[1:], home)
     if len(locked) == model.njoints - 1:
         raise InvalidArgumentError("locked_joints", "must leave at least one joint free")
@@ -243,13 +249,13 @@ def _assemble(
     index = [all_names.index(name) for name in names]
     turning = np.array([name in continuous for name in names])
     extras = description.extras
-    friction = _friction([joints[name] for name in names], extras)
-    spring = extras.get("spring")
+    described = [name for name in joints if name not in mimics]
+    friction = _friction([joints[name] for name in names], [described.index(name) for name in names], extras)
     robot = Robot(
         name=description.name,
         model=model,
         joint_names=tuple(names),
-        home=np.array(extras["home"]) if "home" in extras and not locked else home[index],
+        home=home[index],
         lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
         upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
         velocity_limit=_limit_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
@@ -257,7 +263,7 @@ def _assemble(
         continuous=turning,
         prismatic=tuple(joints[name].get("type") == "prismatic" for name in names),
         friction=friction,
-        potentials=(GripperSpring(**spring),) if spring else (),
+        potentials=_springs(extras, names),
         tool_frame=extras.get("tool_frame"),
         camera_frame=extras.get("camera_frame"),
         coupling=coupling,
@@ -271,25 +277,39 @@ def _assemble(
     return robot
 
 
+def _springs(extras: dict[str, Any], names: list[str]) -> tuple[Potential, ...]:
+    """Return the spring that a shipped robot has: on all its joints, or on the one that is named."""
+    if "spring" not in extras:
+        return ()
+    spring = GripperSpring(**extras["spring"])
+    if "spring_joint" not in extras:
+        return (spring,)
+    joint = extras["spring_joint"]
+    return (OnJoint(spring, names.index(joint)),) if joint in names else ()
+
+
 def _limit_or_infinite(values: Array) -> Array:
     """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
     return np.where(values > 0.0, values, np.inf)
 
 
-def _friction(joints: list[ET.Element], extras: dict[str, Any]) -> StribeckFriction | None:
+def _friction(joints: list[ET.Element], places: list[int], extras: dict[str, Any]) -> StribeckFriction | None:
+    """Return the friction of joints, or None; ``places`` says which entries of the lists in ``extras`` are theirs."""
+
     def read(key: str) -> list[float]:
         elements = [joint.find("dynamics") for joint in joints]
         return [0.0 if element is None else float(element.get(key, 0.0)) for element in elements]
 
     viscous, coulomb = read("damping"), read("friction")
-    static = extras.get("static", coulomb)
+    static = [extras["static"][place] for place in places] if "static" in extras else coulomb
+    speed = [extras["stribeck_velocity"][place] for place in places] if "stribeck_velocity" in extras else None
     if not (any(viscous) or any(coulomb) or any(static)):
         return None
     return StribeckFriction(
         viscous=viscous,
         coulomb=coulomb,
-        static=static if len(static) == len(joints) else coulomb,
-        stribeck_velocity=extras.get("stribeck_velocity", [0.1] * len(joints)),
+        static=static,
+        stribeck_velocity=[0.1] * len(joints) if speed is None else speed,
         smoothing=extras.get("friction_smoothing", DRY_FRICTION_SMOOTHING),
     )
 

@@ -74,3 +74,25 @@ class GripperSpring:
         """Return ∂V/∂q = K_g(q)(q − c_g), shape (n,) [N·m]."""
         gradient: Array = self.stiffness(position) * (position - self.rest_angle)
         return gradient
+
+
+class OnJoint:
+    """A potential of one joint, as a potential of the whole arm.
+
+    Args:
+        potential: of a position of shape (1,).
+        index: of the joint.
+    """
+
+    def __init__(self, potential: Potential, index: int) -> None:
+        self.potential, self.index = potential, index
+
+    def energy(self, position: Array) -> float:
+        """Return V(q) [J]."""
+        return self.potential.energy(position[self.index : self.index + 1])
+
+    def gradient(self, position: Array) -> Array:
+        """Return ∂V/∂q, shape (n,) [N·m]."""
+        gradient = np.zeros_like(position)
+        gradient[self.index] = self.potential.gradient(position[self.index : self.index + 1])[0]
+        return gradient

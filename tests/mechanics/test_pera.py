@@ -113,3 +113,31 @@ def test_every_link_that_moves_is_visible_and_every_joint_has_limits(name):
 def test_urdf_files_are_up_to_date_with_their_table():
     script = Path(__file__).parents[2] / "urdf" / "generate.py"
     assert subprocess.run([sys.executable, script, "--check"], check=False).returncode == 0
+
+
+def test_the_arm_with_gripper_is_both(rng):
+    """The motor's inertia is felt at its own joint alone, and so is the spring; the rest is the arm."""
+    both, gripper = make_system("pera_with_gripper"), make_system("pera_gripper")
+    q = both.robot.random_position(rng)
+    x = both.at(q)
+    fingers = 1e-4  # the links that the shaft turns
+    assert x.mass_matrix[7, 7] == pytest.approx(0.5 + fingers, abs=EXACT)
+    assert np.abs(x.mass_matrix[7, :7]).max() <= fingers + EXACT
+    spring = x.potential_gradient - x.gravity
+    np.testing.assert_allclose(spring[:7], 0.0, atol=EXACT)
+    assert spring[7] == pytest.approx(gripper.at(q[7:]).potential_gradient[0], abs=EXACT)
+    locked = MechanicalSystem(load_robot("pera_with_gripper", locked_joints=["gripper"]))
+    alone = make_system("pera").at(q[:7]).mass_matrix
+    assert np.abs(locked.at(q[:7]).mass_matrix - alone).max() < 0.05 * np.abs(alone).max()  # 0.05 kg of fingers
+
+
+def test_a_joint_locked_in_a_shipped_robot_leaves_the_others_as_they_are():
+    whole = load_robot("pera_shoulder_elbow")
+    elbow = load_robot("pera_shoulder_elbow", locked_joints=[whole.joint_names[0]])
+    np.testing.assert_array_equal(elbow.home, whole.home[1:])
+    assert elbow.locked_joints == {whole.joint_names[0]: whole.home[0]}
+    for part in ("static", "coulomb", "viscous", "stribeck_velocity"):
+        np.testing.assert_array_equal(getattr(elbow.friction, part), getattr(whole.friction, part)[1:])
+    np.testing.assert_allclose(
+        elbow.placement("tool", elbow.home).homogeneous, whole.placement("tool", whole.home).homogeneous, atol=EXACT
+    )

@@ -1,0 +1,61 @@
+"""Every example runs as it stands, does what it says, and leaves a page that can be opened."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def run(name, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.argv", [name])
+    return runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+
+
+def test_position_control(tmp_path, monkeypatch):
+    it = run("position_control.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    error = abs(it["log"].position - it["controller"].goal).max(axis=1)
+    assert error[it["before"]][-1] < 1e-4
+    assert 1e-4 < error[it["after"]].max() < 0.01  # the load is felt
+    assert error[-1] < 1e-5  # and taken up
+
+
+def test_grasp_egg(tmp_path, monkeypatch):
+    it = run("grasp_egg.py", tmp_path, monkeypatch)
+    assert it["log"].contact_force[-1] == pytest.approx(it["force"], rel=0.01)
+    assert it["log"].contact_force.max() < 1.2 * it["force"]
+
+
+def test_track_on_ur5(tmp_path, monkeypatch):
+    it = run("track_on_ur5.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    assert 1e-4 < it["errors"].max() < 5e-3  # [rad]: what 20 % of friction costs
+    assert it["errors"][-1] < 1e-5
+
+
+def test_own_controller(tmp_path, monkeypatch):
+    it = run("own_controller.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    assert np.abs(it["log"].position[-1] - it["goal"]).max() < 1e-4
+    assert (np.diff(it["log"].storage) <= 1e-9).all()
+    law = EXAMPLES.joinpath("own_controller.py").read_text().split("class ")[1].split("\n\n\n")[0]
+    assert len([line for line in law.splitlines() if line.strip()]) <= 31
+
+
+def test_own_urdf(tmp_path, monkeypatch):
+    it = run("own_urdf.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    assert np.abs(it["log"].position[-1] - it["goal"]).max() < 1e-3
+
+
+def test_every_example_is_tested_and_says_what_it_is():
+    tests = Path(__file__).read_text()
+    for path in EXAMPLES.glob("*.py"):
+        assert f'"{path.name}"' in tests, path.name
+        assert path.read_text().startswith('"""')
