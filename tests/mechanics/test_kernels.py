@@ -137,6 +137,7 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         lambda: compiled.solve(matrix, np.ones(3, dtype=int)),
         lambda: compiled.transformed_rate(matrix, matrix, vector, None),
         lambda: compiled.momentum_derivative(matrix, matrix, vector),
+        lambda: compiled.feedback(vector, matrix, vector, matrix, vector, np.ones(4)),
     ):
         with pytest.raises(ValueError, match="array"):
             call()
