@@ -34,6 +34,7 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
     UnknownNameError,
+    UnreachableTargetError,
 )
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.loading import load_robot
@@ -48,6 +49,7 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 from phcontrol.trajectories.sinusoid import Sinusoid
@@ -95,6 +97,7 @@ __all__ = [
     "MomentumObserver",
     "NonFiniteTorqueError",
     "PHControlError",
+    "Posture",
     "PowerBalance",
     "Pulse",
     "QuinticSpline",
@@ -119,6 +122,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryTracking",
     "UnknownNameError",
+    "UnreachableTargetError",
     "Wrench",
     "__version__",
     "certify",
@@ -126,11 +130,13 @@ __all__ = [
     "check_limits",
     "damping_for_gain",
     "equilibrium",
+    "follow",
     "force_control_conditions",
     "l2_gain",
     "load_robot",
     "make_controller",
     "measured_l2_gain",
     "record",
+    "reach",
     "simulate",
 ]

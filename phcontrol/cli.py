@@ -36,6 +36,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories import inverse_kinematics
 from phcontrol.trajectories.files import read_trajectory
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 from phcontrol.trajectories.trajectory import Trajectory
@@ -67,6 +68,11 @@ ArmatureOption = Annotated[
     str | None,
     typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
 ]
+ReachOption = Annotated[
+    str | None,
+    typer.Option(help="Goal for a frame instead of the joints: a point x,y,z in the world [m] (needs Pink)."),
+]
+FrameOption = Annotated[str | None, typer.Option(help="The frame of --reach. Default: the tool, or the last frame.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
@@ -125,6 +131,8 @@ def run_arm(
         str | None,
         typer.Option(help="Angles [rad], comma-separated, or joint=angle pairs. Default: a reachable posture."),
     ] = None,
+    reach: ReachOption = None,
+    frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
     dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
     integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
@@ -141,12 +149,13 @@ def run_arm(
     port: PortOption = None,
 ) -> None:
     """Take an arm from its home to a posture, and certify the law that does it."""
+    system = _system(robot, lock, armature)
     _run_and_write(
-        _system(robot, lock, armature),
+        system,
         Path("results/position") if out is None else out,
         Showing(view, record, port),
         controller=controller,
-        goal=None if goal is None else _by_joint("--goal", goal),
+        goal=_goal(system, goal, reach, frame),
         duration=duration,
         interconnection=interconnection,
         samples=samples,
@@ -205,6 +214,8 @@ def track(
     interconnection: Annotated[
         str, typer.Option(help=f"Which J2 the law uses: {', '.join(TrajectoryTracking.forms)}.")
     ] = "coriolis",
+    reach: ReachOption = None,
+    frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
     dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
     control_period: Annotated[
@@ -222,7 +233,8 @@ def track(
 ) -> None:
     """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
     system = _system(robot, lock, armature)
-    posture = system.robot.near_home() if goal is None else system.robot.position(_by_joint("--goal", goal))
+    wished = _goal(system, goal, reach, frame)
+    posture = system.robot.near_home() if wished is None else wished
     knowledge = choice("external force", external_force, ("none", "measured", "observed"))
     _run_and_write(
         system,
@@ -481,6 +493,20 @@ def _system(robot: str, lock: list[str] | None, armature: str | None) -> Mechani
     if isinstance(rotors, list) and len(rotors) == 1:
         return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors[0]))
     return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors))
+
+
+def _goal(system: MechanicalSystem, goal: str | None, target: str | None, frame: str | None) -> Array | None:
+    """Return the joint positions that --goal or --reach asks for; None for neither."""
+    robot = system.robot
+    if target is None:
+        return None if goal is None else robot.position(_by_joint("--goal", goal))
+    if goal is not None:
+        raise InvalidArgumentError("--reach", "and --goal are two goals: give one of them")
+    point = _by_joint("--reach", target)
+    if isinstance(point, dict) or len(point) != 3:
+        raise InvalidArgumentError("--reach", f"must be a point x,y,z in metres, but is '{target}'")
+    name = frame or robot.tool_frame or robot.frame_names[-1]
+    return inverse_kinematics.reach(robot, name, point).position
 
 
 def _joint_values(system: MechanicalSystem, option: str, text: str) -> list[float]:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from phcontrol import Log
+from phcontrol import Log, load_robot
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
 
@@ -100,6 +100,16 @@ def test_run_track_follows_on_any_arm(options, tmp_path):
     assert error < (1e-8 if "observed" not in options else 1e-3)
 
 
+def test_the_hand_is_put_where_it_should_be(tmp_path):
+    result = run(
+        "run", "track", "--robot", "ur5", "--trajectory", "reach", "--reach", "0.4,0.2,0.4", "--frame", "tool0",
+        "--speed", "1", "--duration", "4", "--dt", "0.004", "--samples", "2", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    final = Log.load(tmp_path / "log.npz").position[-1]
+    np.testing.assert_allclose(load_robot("ur5").placement("tool0", final).translation, [0.4, 0.2, 0.4], atol=1e-5)
+
+
 def test_run_track_takes_a_motion_from_a_file(tmp_path):
     """Columns in any order when they are named; the arm follows what the file says."""
     path, t = tmp_path / "motion.csv", np.linspace(0.0, 1.0, 21)
@@ -175,6 +185,9 @@ def test_listings(command):
         (["run", "track", "--push", "elbow=1"], "error: unknown joint 'elbow' of pera"),
         (["run", "tracking", "--armature", "heavy"], "error: --armature: must be numbers like"),
         (["certify", "--robot", "all", "--lock", "x"], "error: --robot: all takes neither --lock"),
+        (["run", "track", "--reach", "9,9,9"], "error: frame 'tool' of pera does not reach its target"),
+        (["run", "position", "--reach", "9,9"], "error: --reach: must be a point x,y,z"),
+        (["run", "position", "--reach", "1,1,1", "--goal", "0"], "error: --reach: and --goal are two goals"),
         (["run", "nothing"], "No such command 'nothing'"),
         (["certify", "--wrong"], "No such option: --wrong"),
     ],

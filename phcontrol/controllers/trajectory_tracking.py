@@ -12,6 +12,7 @@ from phcontrol._validation import Array, gain, number
 from phcontrol.controllers.controller import EMPTY, Command, Controller, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -19,6 +20,8 @@ from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.trajectories.minimum_jerk import MinimumJerk, usual_speed
 from phcontrol.trajectories.sinusoid import Sinusoid
 from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
+
+_feedback = kernels.feedback
 
 
 class TrajectoryTracking(Controller):
@@ -118,8 +121,14 @@ class TrajectoryTracking(Controller):
         if not self._is_coriolis:
             return super().evaluate(t, x, state, measured)
         goal = self.trajectory.at(t)
-        force = x.feedforward(goal.velocity, goal.acceleration)
-        force -= self._correction(x, goal)
+        force = _feedback(
+            x.feedforward(goal.velocity, goal.acceleration),
+            self.stiffness,
+            x.position_error(goal.position),
+            self._joint_damping,
+            x.velocity,
+            goal.velocity,
+        )
         if self.measured:
             force -= self._measurement(measured, "external_force")
         return self._command(t, x, state, force, EMPTY)
@@ -131,13 +140,8 @@ class TrajectoryTracking(Controller):
         if self._transformed:
             shift = self.transformation.input_force(x, goal) + x.potential_gradient  # the base class adds ∂V/∂q again
             return Shaping(-shift - self._injection(x, goal), cancelled_force=force)
-        return Shaping(-self._correction(x, goal), -goal.velocity, -goal.acceleration, None, force)
-
-    def _correction(self, x: MechanicalState, goal: Reference) -> Array:
-        """Return K_t q̃ + G C_d Gᵀ(q̇ − q̇_d) [N·m]."""
-        force: Array = self.stiffness.dot(x.position_error(goal.position))
-        force += self._injection(x, goal)
-        return force
+        effort = -self.stiffness.dot(x.position_error(goal.position)) - self._injection(x, goal)
+        return Shaping(effort, -goal.velocity, -goal.acceleration, None, force)
 
     def _injection(self, x: MechanicalState, goal: Reference) -> Array:
         """Return G C_d Gᵀ(q̇ − q̇_d) [N·m]."""

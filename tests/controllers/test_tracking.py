@@ -14,14 +14,19 @@ from phcontrol import (
     MinimumJerk,
     MissingMeasurementError,
     MomentumObserver,
+    Schedule,
+    Sine,
     Sinusoid,
     Step,
     StribeckFriction,
     TrajectoryTracking,
     certify,
     check_canonical_transformation,
+    equilibrium,
+    l2_gain,
     load_robot,
     make_controller,
+    measured_l2_gain,
     simulate,
 )
 from phcontrol.controllers.controller import Controller
@@ -236,6 +241,33 @@ def test_the_default_trajectory_goes_to_the_goal_or_swings(shoulder):
     np.testing.assert_allclose(swinging.at(0.0).position, shoulder.robot.home, atol=1e-12)
     speeds = [np.abs(swinging.at(t).velocity).max() for t in np.linspace(0.0, swinging.duration, 50)]
     assert 0.1 < max(speeds) <= 1.0  # half the limit of 2 rad/s
+
+
+def test_the_gain_from_force_to_output_is_bounded_as_it_is_for_a_law_at_rest(pera):
+    """γ = 1/λ_min(C_d), while the goal moves: the measured ratio of a run from the trajectory stays below it."""
+    trajectory = wandering(7)
+    law = TrajectoryTracking(pera, trajectory=trajectory, stiffness=20.0, damping=[8.0, 8, 6, 6, 5, 4, 4])
+    bound = l2_gain(law, pera)
+    assert bound.passed
+    assert bound.bound == pytest.approx(0.25)
+    start = trajectory.at(0.0)
+    log = simulate(
+        pera, law, duration=4.0, dt=4e-3, q0=start.position, v0=start.velocity, disturbance=Sine(np.ones(7), 0.8)
+    )
+    assert 0.01 < measured_l2_gain(log) <= 0.25
+
+
+def test_a_moving_law_has_no_equilibrium(shoulder):
+    with pytest.raises(InvalidArgumentError, match="controller: follows a trajectory"):
+        equilibrium(TrajectoryTracking(shoulder, **THESIS), shoulder, [1.0, 0.0])
+
+
+def test_it_takes_its_turn_in_a_schedule(shoulder):
+    """Reach by minimum jerk, then hold by energy shaping: each with its own form of the interconnection."""
+    reach = make_controller("tracking", shoulder, goal=[0.6, 0.2], interconnection="transformed")
+    hold = make_controller("energy_shaping", shoulder, goal=[0.6, 0.2])
+    log = simulate(shoulder, Schedule([(0.0, reach), (3.0, hold)]), duration=4.0, dt=4e-3)
+    np.testing.assert_allclose(log.position[-1], [0.6, 0.2], atol=1e-4)
 
 
 @pytest.mark.parametrize(
