@@ -12,6 +12,7 @@ from phcontrol._validation import Array, count
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.vision.scene import Scene
 
 MATCHING_TOLERANCE = 1e-6
 """On the matching and gradient residuals: finite differences of fourth order leave about 1e-10."""
@@ -143,8 +144,9 @@ def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.
     position, velocity = plant.robot.random_position(generator), generator.normal(size=n)
     state = controller.random_state(generator)
     time, force = float(generator.uniform(0.0, 10.0)), generator.normal(scale=5.0, size=n)
-    flow = _Flow(controller, plant, time, position, velocity, state, force)
-    target = controller.target(time, flow.model_state(0.0), state, flow.measured)
+    scene = controller.random_scene(plant.at(position, velocity), generator)
+    flow = _Flow(controller, plant, time, position, velocity, state, force, scene)
+    target = controller.target(time, flow.model_state(0.0), state, flow.measured(0.0))
     promised, actual = target.rate(force), flow.derivative(flow.coordinates)
     scale = max(1.0, float(np.abs(actual).max()))
     matching = float(np.abs(actual - promised).max()) / scale
@@ -160,7 +162,7 @@ def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.
     values = np.linalg.eigvalsh(target.dissipation)
     indefiniteness = max(-float(values[0]), asymmetry) / max(1e-300, float(np.abs(values).max()))
 
-    free = _Flow(controller, plant, time, position, velocity, state, np.zeros(n))
+    free = _Flow(controller, plant, time, position, velocity, state, np.zeros(n), scene)
     free_power = max(1.0, float(np.abs(target.gradient * free.derivative(free.coordinates)).sum()))
     growth = float(free.derivative(free.storage)) / free_power
     figures = np.array([matching, gradient, skewness, indefiniteness, growth])
@@ -179,14 +181,22 @@ class _Flow:
         velocity: Array,
         state: Array,
         force: Array,
+        scene: Scene | None,
     ) -> None:
-        self.controller, self.time, self.state = controller, time, state
-        self.position, self.velocity = position, velocity
+        self.controller, self.plant, self.time, self.state = controller, plant, time, state
+        self.position, self.velocity, self.scene = position, velocity, scene
         x = plant.at(position, velocity)
-        self.measured = measure_truly(x, force, Measured._fields)
-        command = controller.evaluate(time, controller.system.at(position, velocity), state, self.measured)
+        self.at_start = measure_truly(x, force, Measured._fields, scene)
+        command = controller.evaluate(time, controller.system.at(position, velocity), state, self.at_start)
         self.state_rate = command.state_rate
         self.acceleration = x.acceleration(command.torque, force)
+
+    def measured(self, shift: float) -> Measured:
+        """Return what sensors show ``shift`` seconds along the flow: the same forces, and where the object then is."""
+        if self.scene is None:
+            return self.at_start
+        x = self.plant.at(self.position + shift * self.velocity)
+        return self.at_start._replace(features=self.scene.features(x, self.scene.initial_state()))
 
     def model_state(self, shift: float) -> Any:
         """Return the controller's view of the plant ``shift`` seconds along the flow."""
@@ -196,11 +206,11 @@ class _Flow:
 
     def coordinates(self, shift: float) -> Array:
         state = self.state + shift * self.state_rate
-        return self.controller.coordinates(self.time + shift, self.model_state(shift), state, self.measured)
+        return self.controller.coordinates(self.time + shift, self.model_state(shift), state, self.measured(shift))
 
     def storage(self, shift: float) -> float:
         state = self.state + shift * self.state_rate
-        return self.controller.storage(self.time + shift, self.model_state(shift), state, self.measured)
+        return self.controller.storage(self.time + shift, self.model_state(shift), state, self.measured(shift))
 
     def derivative(self, function: Any) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""
