@@ -240,29 +240,43 @@ class HamiltonianServo(VisualServo):
             ]
         )
         damped = self.singular_damping.at(B @ B.T)
-        Q, dQ, d_fade = self._regularisation(damped), None, np.zeros(n + 3)
+        wish, z = self.rate @ view.error, self._posture_pull(x)[0]
         if damped is not None:
-            d_level = 2.0 * np.tensordot(dB @ B.T, damped[1])  # d(λ²) = tr(slope d(BBᵀ))
-            dQ = d_level[:, None, None] * self.singular_damping.weight
-            d_fade = -d_level / self.singular_damping.level**2
-        inverse, wish = right_inverse(B, Q), self.rate @ view.error
+            s, ds = self._damped_derivatives(B, dB, wish, z, damped)
+        else:
+            # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = B†(w − B z) + z
+            inverse, d_inverse = right_inverse(B), right_inverse_derivative(B, dB)
+            if self._holds_posture:
+                wish = wish - B @ z
+            s, ds = inverse @ wish, d_inverse @ wish
+            ds[n:] += (inverse @ self.rate).T
+            if self._holds_posture:
+                s += z
+                ds -= (dB @ z) @ inverse.T
+                ds[:n] += self.posture_gain * (np.eye(n) - inverse @ B)
+        return ds[:n].T, ds[n:].T, s, view
+
+    def _damped_derivatives(
+        self, B: Array, dB: Array, wish: Array, z: Array, damped: tuple[float, Array]
+    ) -> tuple[Array, Array]:
+        """Return s and its derivatives by joints and features, shape (n + 3, n), where λ² > 0."""
+        n, (level, slope) = B.shape[1], damped
+        weight = self.singular_damping.weight
+        d_level = 2.0 * np.tensordot(dB @ B.T, slope)  # d(λ²) = tr(slope d(BBᵀ))
+        Q, dQ = level * weight, d_level[:, None, None] * weight
+        inverse = right_inverse(B, Q)
         s: Array = inverse @ wish
         ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ wish
         ds[n:] += (inverse @ self.rate).T
-        fade = 1.0 if damped is None else self._fade(damped[0])
+        fade = self._fade(level)
         if self._holds_posture and fade > _FADED:
-            z = self._posture_pull(x)[0]
-            plain, d_plain = (
-                (inverse, right_inverse_derivative(B, dB))
-                if damped is None
-                else (right_inverse(B), right_inverse_derivative(B, dB))
-            )
-            inner = z - plain @ (B @ z)
-            d_inner = -(d_plain @ (B @ z) + (dB @ z) @ plain.T)
-            d_inner[:n] += self.posture_gain * (np.eye(n) - plain @ B).T
-            s = s + fade * inner
-            ds += fade * d_inner + d_fade[:, None] * inner
-        return ds[:n].T, ds[n:].T, s, view
+            plain, along = right_inverse(B), B @ z
+            inner = z - plain @ along
+            d_inner = -(right_inverse_derivative(B, dB) @ along + (dB @ z) @ plain.T)
+            d_inner[:n] += self.posture_gain * (np.eye(n) - plain @ B)
+            s += fade * inner
+            ds += fade * d_inner - d_level[:, None] / self.singular_damping.level**2 * inner
+        return s, ds
 
     def _motion_by_gradients(self, x: MechanicalState, features: Array) -> tuple[Array, Array, View]:
         """Return s and ṡ = T⁻ᵀ(θ̇ − Ṫᵀs) with θ̇ = (∂θ/∂q)q̇ + (∂θ/∂τ)τ̇."""

@@ -6,6 +6,8 @@ Pinocchio 4.1's own kinematic Hessians come back from Python with scrambled stri
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
@@ -95,7 +97,7 @@ def frame_jacobian_derivative(
     jacobian = pin.getFrameJacobian(model, data, frame_id, reference if world else local)
     # columns of joints off the chain are zero, and along it the index grows: "behind" is a greater index
     products = motion_cross_products(jacobian)
-    later = np.tri(model.nv, k=-1)[:, None, :]  # [k, :, i] for k > i
+    later = _later(model.nv)
     result: Array = -products * later.T if world else products * later
     if reference == pin.ReferenceFrame.LOCAL_WORLD_ALIGNED:
         rotation = data.oMf[frame_id].rotation
@@ -104,6 +106,14 @@ def frame_jacobian_derivative(
         result[:, :3] = rotation @ result[:, :3] + turns @ turned[:3]
         result[:, 3:] = rotation @ result[:, 3:] + turns @ turned[3:]
     return result
+
+
+@cache
+def _later(size: int) -> Array:
+    """Return a mask, shape (n, 1, n): [k, 0, i] is 1 for k > i, else 0."""
+    mask: Array = np.tri(size, k=-1)[:, None, :]
+    mask.flags.writeable = False
+    return mask
 
 
 def motion_cross_products(twists: Array) -> Array:

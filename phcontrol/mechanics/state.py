@@ -275,10 +275,15 @@ class MechanicalState:
     @lazy
     def momentum_derivative(self) -> Array:
         """P = ∂(T⁻¹p)/∂q at constant p, shape (n, n): column k is −T⁻¹(∂T/∂q_k)p̄ = −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄."""
+        result: Array = -self._relative_factor_derivative.dot(self.transformed_momentum).T
+        return result
+
+    @lazy
+    def _relative_factor_derivative(self) -> Array:
+        """T⁻¹∂T/∂q_k = Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ), shape (n, n, n), lower triangular."""
         inverse = _dtrtri(self.factor, lower=1)[0]
-        reduced = inverse @ self.mass_matrix_derivative @ inverse.T
-        reduced *= self.system.lower_half_mask
-        result: Array = -reduced.dot(self.transformed_momentum).T
+        result: Array = inverse @ self.mass_matrix_derivative @ inverse.T
+        result *= self.system.lower_half_mask
         return result
 
     def interconnection(self, form: str) -> Array:
@@ -298,7 +303,8 @@ class MechanicalState:
     @lazy
     def factor_derivative(self) -> Array:
         """∂T/∂q, shape (n, n, n): [k] is ∂T/∂q_k, lower triangular."""
-        return derivatives.factor_derivative(self.factor, self.mass_matrix_derivative)
+        result: Array = self.factor @ self._relative_factor_derivative
+        return result
 
     # --- frames -----------------------------------------------------------------------------------
 
