@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from phcontrol._validation import Array, count
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.simulation.log import Log
 from phcontrol.vision.scene import Scene
 
 MATCHING_TOLERANCE = 1e-6
@@ -46,6 +47,8 @@ class Certificate:
     """Largest Ḣ_d with no external force, divided by the power that flows, should be ≤ 0."""
     caveat: str = ""
     """What the law itself does not claim; then a growing storage function is no failure, but is shown."""
+    conditions: dict[str, float] = field(default_factory=dict)
+    """What the law's claim rests on beside, at its goal and along a run if one was given: each must be positive."""
 
     @property
     def matching_passed(self) -> bool:
@@ -63,13 +66,20 @@ class Certificate:
         return self.largest_storage_rate <= MATCHING_TOLERANCE
 
     @property
+    def conditions_passed(self) -> bool:
+        """Whether what the law's claim rests on holds."""
+        return all(value > 0.0 for value in self.conditions.values())
+
+    @property
     def passed(self) -> bool:
         """Whether everything passed."""
-        return self.matching_passed and self.structure_passed and (self.storage_passed or bool(self.caveat))
+        stores = self.storage_passed or bool(self.caveat)
+        return self.matching_passed and self.structure_passed and stores and self.conditions_passed
 
     def to_dict(self) -> dict[str, Any]:
         """Return figures, tolerances and verdict, for JSON. What is not finite becomes None."""
         figures = {key: _finite_or_none(value) for key, value in asdict(self).items()}
+        figures["conditions"] = {name: _finite_or_none(value) for name, value in self.conditions.items()}
         tolerances = {"matching_tolerance": MATCHING_TOLERANCE, "structure_tolerance": STRUCTURE_TOLERANCE}
         return figures | tolerances | {"passed": self.passed}
 
@@ -91,6 +101,8 @@ class Certificate:
                     self.smallest_dissipation >= -STRUCTURE_TOLERANCE),
                 row("largest storage rate, f_e = 0", self.largest_storage_rate, "<=", MATCHING_TOLERANCE,
                     self.storage_passed),
+                *(f"  {name}: {value:.3g}, must be > 0 {'ok' if value > 0.0 else 'FAILED'}"
+                  for name, value in self.conditions.items()),
                 *([f"  not claimed: {self.caveat}"] if self.caveat else []),
             ]
         )  # fmt: skip
@@ -102,6 +114,7 @@ def certify(
     *,
     samples: int = 50,
     seed: int = 0,
+    log: Log | None = None,
 ) -> Certificate:
     """Check a controller's promise at random states of a plant.
 
@@ -116,6 +129,8 @@ def certify(
             says what the law promises there, and fails by how much the model is wrong.
         samples: number of states.
         seed: of the random numbers.
+        log: a run under the law; then what its claim rests on (``Controller.conditions``) is checked at each
+            sample of it too, not only at the goal.
     """
     count("samples", samples)
     plant = controller.system if system is None else system
@@ -135,7 +150,20 @@ def certify(
         smallest_dissipation=float(-worst[3]),
         largest_storage_rate=float(worst[4]),
         caveat=controller.caveat,
+        conditions=_conditions(controller, log),
     )
+
+
+def _conditions(controller: Controller, log: Log | None) -> dict[str, float]:
+    """Return the smallest value of each condition, at the goal and along a run."""
+    conditions = {f"{name}, at the goal": value for name, value in controller.goal_conditions().items()}
+    for k in range(0 if log is None else len(log)):
+        assert log is not None
+        x = controller.system.at(log.position[k], log.velocity[k])
+        for name, value in controller.conditions(x, log.true_measurement(k)).items():
+            label = f"{name}, along the run"
+            conditions[label] = min(value, conditions.get(label, np.inf))
+    return conditions
 
 
 def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.random.Generator) -> Array:

@@ -54,7 +54,7 @@ class ReductionServo(VisualServo):
         *,
         goal: ArrayLike,
         feature_gain: ArrayLike | None = None,
-        rate: ArrayLike = 0.5,
+        rate: ArrayLike = 1.0,
         damping: ArrayLike,
         posture: ArrayLike | None = None,
         posture_gain: float = 0.0,

@@ -207,6 +207,10 @@ class Log:
         """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
         return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
 
+    def true_measurement(self, k: int) -> Measured:
+        """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
+        return Measured(self.external_force[k], features=self._data["features"][k] if "features" in self._data else None)
+
     # --- derived ------------------------------------------------------------------------------------
 
     @property
@@ -292,7 +296,7 @@ class Log:
             x = loop.plant.at(self.position[k], self.velocity[k])
             view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
             state, force = self.controller_state[k], self.external_force[k]
-            measured = Measured(force, features=self._data["features"][k] if "features" in self._data else None)
+            measured = self.true_measurement(k)
             target = loop.controller.target(t, view, state, measured)
             outputs[k] = target.port.T @ target.gradient
             rows[k] = (

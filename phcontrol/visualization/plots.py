@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 INK = "#30343b"
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#6b705c")
 """A palette that stays apart for colour-blind eyes, one colour a joint."""
+
+
+FEATURES = ("μ", "ν", "l")
+"""The image features: where an object is in the image, and how long."""
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -55,6 +59,13 @@ def plot_energy(axes: Axes, log: Log) -> None:
     )
     _finish(axes, "energy", "[J]")
     axes.legend(fontsize=8)
+
+
+def plot_features(axes: Axes, log: Log, goal: Array, part: int, **style: Any) -> None:
+    """Draw the error of one image feature (0: μ, 1: ν, 2: l) over time in millimetres on the image plane."""
+    axes.plot(log.time, 1e3 * (log.features[:, part] - goal[part]), **style)
+    name = FEATURES[part]
+    _finish(axes, f"error of {name}", f"{name} − {name}$_d$ [mm]")
 
 
 def plot_poses(axes: Axes, log: Log, robot: Robot, poses: int = 7) -> None:
