@@ -153,7 +153,7 @@ def _figure(logs: dict[str, Log]) -> Figure:
             plot_features(axes, logs[name], GOAL, part, label=TITLES[name], **style)
         axes.set_xlim(0.0, 12.0)
         axes.set_title(f"({'abc'[part]}) {axes.get_title()}", fontsize=10)
-    figure.axes[0].legend(fontsize=7, loc="center right")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     return figure
 
 
