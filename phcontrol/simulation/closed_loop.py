@@ -17,7 +17,13 @@ from phcontrol._validation import Array, choice, finite_array, positive, vector,
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
-from phcontrol.exceptions import InvalidArgumentError, PHControlError, SimulationError, SimulationInterrupted
+from phcontrol.exceptions import (
+    InvalidArgumentError,
+    ObjectLostError,
+    PHControlError,
+    SimulationError,
+    SimulationInterrupted,
+)
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.sensor import Sensor
@@ -144,7 +150,8 @@ def simulate(
     except SimulationError:
         raise
     except PHControlError as error:
-        message = f"stopped at t = {k * dt:g} s: {error}. Try a smaller dt ({dt:g} s) or lower gains"
+        advice = "" if isinstance(error, ObjectLostError) else f". Try a smaller dt ({dt:g} s) or lower gains"
+        message = f"stopped at t = {k * dt:g} s: {error}{advice}"
         raise SimulationError(message, log.truncated()) from error
     except KeyboardInterrupt as error:
         raise SimulationInterrupted(f"interrupted at t = {k * dt:g} s", log.truncated()) from error
