@@ -23,6 +23,7 @@ from phcontrol.exceptions import (
 )
 from phcontrol.experiments.position import run_position
 from phcontrol.experiments.registry import STUDIES, run_study
+from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.state import INTERCONNECTIONS
@@ -123,6 +124,47 @@ def run_position_command(
         if len(error.log):
             typer.echo(f"kept the log so far in {error.log.save(out / 'log-stopped.npz')}", err=True)
         raise
+    typer.echo(result.summary())
+    typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
+    if not result.certificate.passed:
+        raise typer.Exit(1)
+
+
+@run_app.command("servo")
+@reports_errors
+def run_servo_command(
+    robot: RobotOption = "pera",
+    controller: Annotated[str, typer.Option(help="reduction_servo or hamiltonian_servo.")] = "hamiltonian_servo",
+    interconnection: FormOption = "coriolis",
+    start: Annotated[
+        str, typer.Option(help="Where the object is in the image at home: mu,nu,l [m].")
+    ] = "0.004,0.003,0.0028",
+    goal: Annotated[str, typer.Option(help="Where it should be: mu,nu,l [m].")] = "0,0,0.002",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 6.0,
+    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 2e-3,
+    camera_rate: Annotated[
+        float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
+    ] = None,
+    lock: LockOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
+) -> None:
+    """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
+    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
+    _check_writable(out)
+    result = run_servo(
+        system,
+        controller=controller,
+        start=_numbers("--start", start),
+        goal=_numbers("--goal", goal),
+        interconnection=interconnection,
+        samples=samples,
+        camera_rate=camera_rate,
+        options=_settings(settings),
+        duration=duration,
+        dt=dt,
+    )
     typer.echo(result.summary())
     typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
     if not result.certificate.passed:
@@ -250,6 +292,13 @@ def _goal(text: str) -> dict[str, float] | list[float]:
         raise InvalidArgumentError(
             "--goal", f"must be angles like 0.1,0.2 or pairs like elbow=0.3, but is '{text}'"
         ) from error
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise InvalidArgumentError(option, f"must be numbers like 0,0,0.002, but is '{text}'") from error
 
 
 def _settings(pairs: list[str] | None) -> dict[str, Any]:

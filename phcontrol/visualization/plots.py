@@ -107,6 +107,21 @@ def run_figure(log: Log, robot: Robot, goal: Array | None, title: str) -> Figure
     return figure
 
 
+def servo_figure(log: Log, goal: Array, title: str) -> Figure:
+    """Return one page on a run of visual servoing: features, joints, torques, energy."""
+    figure = Figure(figsize=(12.0, 7.5), layout="constrained")
+    figure.suptitle(title, fontsize=13, color=INK)
+    axes = figure.subplots(2, 2)
+    for part, color in zip(range(len(FEATURES)), COLORS, strict=False):
+        plot_features(axes[0, 0], log, goal, part, color=color, label=FEATURES[part])
+    _finish(axes[0, 0], "errors of the image features", "[mm]")
+    axes[0, 0].legend(fontsize=8)
+    plot_joints(axes[0, 1], log)
+    plot_torques(axes[1, 0], log)
+    plot_energy(axes[1, 1], log)
+    return figure
+
+
 def _finish(axes: Axes, title: str, label: str) -> None:
     axes.set_title(title, fontsize=10, color=INK)
     axes.set_xlabel("t [s]")
