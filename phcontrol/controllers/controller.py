@@ -236,7 +236,8 @@ class Controller(ABC):
     ) -> Law:
         """Make the law with gains that suit the robot; ``options`` replaces any of them by name.
 
-        Without a goal the law's own choice is used, for most the robot's home. Raises UnknownNameError for a misspelt option.
+        Without a goal the law's own choice is used, for most the robot's home. Raises UnknownNameError for a
+        misspelt option.
         """
         checked_goal = cls.check_goal(system, goal)
         known = [name for name in inspect.signature(cls).parameters if name not in ("system", "interconnection")]

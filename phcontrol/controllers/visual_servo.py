@@ -1,4 +1,4 @@
-"""What the two laws of visual servoing share: the features, the image Jacobian, the default gains, losing the object."""
+"""What the two laws of visual servoing share: features, image Jacobian, default gains, losing the object."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class VisualServo(Controller):
     # --- defaults and checks ---------------------------------------------------------------------------
 
     def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene:
-        """Draw an object in view: up to 30° (and inside the image) from the axis, half to twice as far as at the goal."""
+        """Draw an object in view, up to 27° from the axis, half to twice as far away as at the goal."""
         reach = [min(0.5 * self._focal_length, half) for half in self.camera.half_size]
         features = np.array(
             [generator.uniform(-reach[0], reach[0]), generator.uniform(-reach[1], reach[1]), 0.0]

@@ -56,7 +56,8 @@ def run() -> Outcome:
     camera = PinholeCamera().mounted_on(system.robot)
     scene = FeatureFlow(camera, START, OBJECT_LENGTH)
     logs = {
-        name: simulate(system, case.law, duration=case.duration, dt=case.dt, scene=scene) for name, case in cases.items()
+        name: simulate(system, case.law, duration=case.duration, dt=case.dt, scene=scene)
+        for name, case in cases.items()
     }
     times = {name: [feature_settling_time(log, GOAL, bound) for bound in BOUNDS] for name, log in logs.items()}
     stability = certify(cases["reduction"].law, samples=20, log=logs["reduction"]).conditions
@@ -82,7 +83,10 @@ def _cases(system: MechanicalSystem) -> dict[str, _Case]:
     printed: dict[str, Any] = {"goal": GOAL, "damping": PRINTED_DAMPING}
     return {
         "reduction": _Case(
-            ReductionServo(system, **printed, feature_gain=PRINTED_GAIN, posture=goal), 1700.0, 4e-2, (167.0, 758.0, 1572.0)
+            ReductionServo(system, **printed, feature_gain=PRINTED_GAIN, posture=goal),
+            1700.0,
+            4e-2,
+            (167.0, 758.0, 1572.0),
         ),
         "reduction-100": _Case(
             ReductionServo(system, **printed, feature_gain=100.0 * PRINTED_GAIN, posture=goal),

@@ -92,4 +92,6 @@ def run_servo(
     begun = time.perf_counter()
     log = simulate(system, law, scene=scene, sensors=sensors, **simulation)
     wall_time = time.perf_counter() - begun
-    return ServoRun(log, certify(law, system, samples=samples, log=log), law.check_goal(system, goal), wall_time, system.robot)
+    return ServoRun(
+        log, certify(law, system, samples=samples, log=log), law.check_goal(system, goal), wall_time, system.robot
+    )

@@ -53,7 +53,7 @@ def run() -> Outcome:
         claim
         for law, (away, longer) in errors.items()
         for claim in (
-            Claim(f"centred-{law}", f"the object ends in the image's middle: largest distance in the last second ({law})",
+            Claim(f"centred-{law}", f"the object ends in the middle: largest distance in the last second ({law})",
                   "our aim: within 2 pixels", (0.0,), (away,), "pixels", 2.0),
             Claim(f"length-{law}", f"and as long as wished: largest error in the last second ({law})",
                   "our aim: within 2 %", (0.0,), (longer,), "%", 2.0),

@@ -70,11 +70,11 @@ def run() -> Outcome:
     ]  # fmt: skip
     claims.append(
         Claim(
-            "positive-stable", "starts with image Jacobian times K_tau positive stable at the goal and all along the "
-            "way (reduction law)", "Theorem 5.2.2", (float(STARTS),), (float(np.sum(np.array(stable) > 0.0)),), "", 0.0, "",
-            "from the others Δ̄K_τ has an eigenvalue on the wrong side for a while at the start, and the features "
-            "still converge: at a gain that changes on the way it is a sign only, at the goal it is a proof, and there it holds "
-            "for all by construction",
+            "positive-stable", "starts with Δ̄K_τ positive stable all along the way (reduction law)", "Theorem 5.2.2",
+            (float(STARTS),), (float(np.sum(np.array(stable) > 0.0)),), "", 0.0, "",
+            "from the others Δ̄K_τ has an eigenvalue on the wrong side for a while, and the features still converge: "
+            "along the way, where it changes, the sign of its eigenvalues is an indication only; at the goal it "
+            "decides, and there it is positive stable for all",
         )
     )  # fmt: skip
     return Outcome(

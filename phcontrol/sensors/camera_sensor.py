@@ -66,7 +66,7 @@ class CameraSensor:
     """
 
     quantity = "features"
-    period = None
+    period: float | None = None
 
     def __init__(
         self,

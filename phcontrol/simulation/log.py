@@ -209,7 +209,9 @@ class Log:
 
     def true_measurement(self, k: int) -> Measured:
         """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
-        return Measured(self.external_force[k], features=self._data["features"][k] if "features" in self._data else None)
+        return Measured(
+            self.external_force[k], features=self._data["features"][k] if "features" in self._data else None
+        )
 
     # --- derived ------------------------------------------------------------------------------------
 

@@ -89,9 +89,10 @@ class PinholeCamera:
 
     def to_pixels(self, features: ArrayLike) -> Array:
         """Return (column, row, length) in pixels; (0, 0) is the centre of the first pixel."""
-        scaled: Array = finite_array("features", features) / self.pixel_size
         width, height = self.image_size or (0, 0)
-        return scaled + np.array([0.5 * (width - 1), 0.5 * (height - 1), 0.0])
+        middle = np.array([0.5 * (width - 1), 0.5 * (height - 1), 0.0])
+        pixels: Array = finite_array("features", features) / self.pixel_size + middle
+        return pixels
 
     def from_pixels(self, pixels: ArrayLike) -> Array:
         """Return the features (μ, ν, l) [m] of (column, row, length) in pixels: the inverse of ``to_pixels``."""
