@@ -11,8 +11,10 @@ from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
+from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
@@ -27,6 +29,7 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     MissingMeasurementError,
     NonFiniteTorqueError,
+    ObjectLostError,
     PHControlError,
     RobotDescriptionError,
     SimulationError,
@@ -40,18 +43,28 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.feature_flow import FeatureFlow
+from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+from phcontrol.vision.rendered_view import RenderedView
+from phcontrol.vision.rendering import Renderer
 
 __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
     "Body",
+    "CameraSensor",
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
@@ -62,6 +75,7 @@ __all__ = [
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "FeatureFlow",
     "ForceConditions",
     "ForceControl",
     "ForceFeedback",
@@ -69,6 +83,7 @@ __all__ = [
     "ForceSensor",
     "GainBound",
     "GripperSpring",
+    "HamiltonianServo",
     "Holding",
     "ImpedanceGrasping",
     "IntegralAction",
@@ -81,9 +96,15 @@ __all__ = [
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
+    "ObjectLostError",
+    "ObservedObject",
     "PHControlError",
+    "PinholeCamera",
     "PowerBalance",
     "Pulse",
+    "ReductionServo",
+    "RenderedView",
+    "Renderer",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
@@ -105,7 +126,10 @@ __all__ = [
     "check_canonical_transformation",
     "damping_for_gain",
     "equilibrium",
+    "extract_features",
     "force_control_conditions",
+    "goal_posture",
+    "interaction_matrix",
     "l2_gain",
     "load_robot",
     "make_controller",
