@@ -143,9 +143,14 @@ def right_inverse(matrix: Array, regularisation: Array | None = None) -> Array:
     Args:
         matrix: B, of full row rank unless Q makes up for it.
         regularisation: Q, shape (m, m); None for zero, so that B B† = 1.
+
+    All NaN where BBᵀ + Q is singular.
     """
     square = matrix @ matrix.T if regularisation is None else matrix @ matrix.T + regularisation
-    result: Array = np.linalg.solve(square.T, matrix).T
+    try:
+        result: Array = np.linalg.solve(square.T, matrix).T
+    except np.linalg.LinAlgError:
+        result = np.full_like(matrix.T, np.nan)
     return result
 
 
@@ -159,10 +164,13 @@ def right_inverse_derivative(
 
         dB† = dBᵀA⁻¹ − B†(dB Bᵀ + B dBᵀ + dQ)A⁻¹,   A = BBᵀ + Q,
 
-    which for Q = 0 is −B†dB B† + (1 − B†B)dBᵀ(BBᵀ)⁻¹.
+    which for Q = 0 is −B†dB B† + (1 − B†B)dBᵀ(BBᵀ)⁻¹. All NaN where A is singular.
     """
     square = matrix @ matrix.T if regularisation is None else matrix @ matrix.T + regularisation
-    inverse = np.linalg.inv(square)
+    try:
+        inverse = np.linalg.inv(square)
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(square, np.nan)
     half = derivative @ matrix.T
     change = half + np.swapaxes(half, -1, -2)
     if regularisation_derivative is not None:

@@ -56,7 +56,8 @@ def test_same_seed_same_image():
 
 
 @pytest.mark.parametrize(
-    "pixels", [[-10.0, 240.0, 100.0], [20.0, 240.0, 100.0], [320.0, 478.0, 100.0], [1200.0, 240.0, 100.0], [320, 240, 3]]
+    "pixels",
+    [[-10.0, 240.0, 100.0], [20.0, 240.0, 100.0], [320.0, 478.0, 100.0], [1200.0, 240.0, 100.0], [320, 240, 3]],
 )
 def test_an_object_that_is_not_wholly_seen_is_not_found(pixels):
     scene, pose = scene_and_pose(pixels)
