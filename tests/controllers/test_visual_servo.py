@@ -494,9 +494,7 @@ def test_a_run_stops_with_its_log_or_holds_and_goes_on():
         return np.zeros(3)
 
     stopping = make_controller("hamiltonian_servo", system, camera=camera)
-    with pytest.raises(
-        SimulationError, match=r"stopped at t = 0\.49\d* s: hamiltonian_servo lost its object"
-    ) as caught:
+    with pytest.raises(SimulationError, match=r"stopped at t = 0\.49\d* s: hamiltonian_servo lost its") as caught:
         simulate(system, stopping, duration=3.0, dt=2e-3, scene=Covered(), disturbance=watch)
     assert "smaller dt" not in str(caught.value)
     assert caught.value.log.time[-1] == pytest.approx(0.498)
