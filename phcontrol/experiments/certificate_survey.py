@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from phcontrol.analysis.certificate import Certificate, certify
-from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.registry import CONTROLLERS, laws_for, make_controller
 from phcontrol.exceptions import RobotDescriptionError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
@@ -62,6 +62,8 @@ def survey(
             yield SurveyRow(name, 0, "", refused=str(error))
             continue
         for law in laws:
+            if law not in laws_for(system):
+                continue
             forms = CONTROLLERS[law].law.forms if form == "all" else (form,)
             certificates = tuple(
                 certify(make_controller(law, system, interconnection=each), system, samples=samples, seed=seed)

@@ -20,6 +20,10 @@ from phcontrol.visualization.shapes import Shape, pose_of, robot_shapes
 GHOST = (0.0, 0.45, 0.70, 0.22)
 BODY = (0.90, 0.55, 0.10, 0.45)
 FORCE = (0.80, 0.10, 0.10, 1.0)
+SIGHT = (0.35, 0.35, 0.40, 1.0)
+OBJECT = (0.10, 0.60, 0.35, 1.0)
+FRUSTUM = 0.12
+"""How far in front of the camera its frustum is cut off [m]."""
 PLATE = 0.6
 """Edge of the square that stands for a plane [m]."""
 
@@ -53,12 +57,15 @@ class Stage:
     """Everything drawn of a run, and :meth:`frame`, which says where it is at one sample.
 
     A frame is one row of numbers: time, seven for the pose of each node (position and quaternion x, y, z, w),
-    six for each arrow (origin and vector), one for each value, and the position of the point that leaves a trail.
+    six for each arrow (origin and vector), one for each value, the position of the point that leaves a trail, and
+    where a camera is, the features (μ, ν, l) that it shows.
 
     Args:
         robot: the arm.
         bodies: what it touches, as ``Body.record`` says it.
         wrench_frames: where external wrenches act.
+        sight: the camera, what it looks at and where that shall be in its image, as the log's metadata has it.
+        largest_features: the largest features of the run, shape (3,) [m], for a camera whose image has no end.
         goal: whether the law has a posture to go to, drawn as a ghost.
         title: of the page.
     """
@@ -69,6 +76,8 @@ class Stage:
         *,
         bodies: Sequence[Mapping[str, Any]] = (),
         wrench_frames: Sequence[str] = (),
+        sight: Mapping[str, Any] | None = None,
+        largest_features: Array | None = None,
         goal: bool = False,
         title: str = "",
     ) -> None:
@@ -92,6 +101,11 @@ class Stage:
         self._contacts: list[_Contact] = []
         for number, record in enumerate(bodies):
             self._add_body(number, record)
+        self.image: dict[str, Any] | None = None
+        self._camera_frame = ""
+        self._object: tuple[float, ...] | None = None
+        if sight is not None:
+            self._add_sight(sight, largest_features)
         self._wrench_frames = tuple(wrench_frames)
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
         joints_only = bool(self._contacts) and all(isinstance(contact, _JointBody) for contact in self._contacts)
@@ -112,6 +126,8 @@ class Stage:
             robot,
             bodies=metadata.get("bodies", ()),
             wrench_frames=metadata.get("wrench_frames", ()),
+            sight=metadata.get("sight"),
+            largest_features=np.abs(log.features[: len(log)]).max(axis=0) if metadata.get("sight") else None,
             goal=log.goal is not None if goal is None else goal,
             title=f"{robot.name} under {law}",
         )
@@ -133,6 +149,10 @@ class Stage:
             poses, arrow = contact.frame(self, position, here, float(force), float(depth))
             parts.extend(poses)
             arrows.extend(arrow)
+        if self.image is not None:
+            parts.extend(pose_of(here[self._camera_frame]))
+            if self._object is not None:
+                parts.extend(self._object)
         for frame, force in zip(self._wrench_frames, row.get("wrench_forces", ()), strict=False):
             arrows.extend([*here[frame].translation, *force])
         parts.extend(arrows)
@@ -148,6 +168,8 @@ class Stage:
         if len(self.values) > len(VALUES):
             parts.append(row["contact_force"])
         parts.extend(here[self.trail].translation)
+        if self.image is not None:
+            parts.extend(np.nan_to_num(np.asarray(row["features"])))
         return np.array(parts, dtype=np.float64)
 
     def _placements(self, position: Array) -> dict[str, pin.SE3]:
@@ -172,6 +194,28 @@ class Stage:
         self.nodes += contact.nodes
         self.arrows += contact.arrows
 
+    def _add_sight(self, sight: Mapping[str, Any], largest: Array | None) -> None:
+        """Draw the camera's frustum and the object, and say how the image plane is to be drawn."""
+        camera, seen, goal = sight["camera"], sight["object"], sight["goal"]
+        self._camera_frame = camera["frame"]
+        marks = np.abs([value for value in (largest, goal) if value is not None] or [[1e-3] * 3]).max(axis=0)
+        half = [
+            known if known is not None else 1.2 * (float(marks[i]) + 0.5 * float(marks[2]))
+            for i, known in enumerate(camera["half_size"])
+        ]
+        x, y = (FRUSTUM * value / camera["focal_length"] for value in half)
+        corners = [np.array([sx * x, sy * y, FRUSTUM]) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        edges = [(np.zeros(3), corner) for corner in corners]
+        edges += [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+        lines = Shape("lines", color=SIGHT, points=np.array([point for edge in edges for point in edge]))
+        self.nodes.append(Node("camera/frustum", [lines]))
+        if seen is not None:
+            length, width, depth = seen["size"]
+            box = Shape("box", (length, width, depth), OBJECT, (0.0, 0.0, 0.5 * depth, 0.0, 0.0, 0.0, 1.0))
+            self._object = pose_of(pin.SE3(np.array(seen["rotation"]), np.array(seen["position"])))
+            self.nodes.append(Node("object/box", [box]))
+        self.image = {"width": 2.0 * half[0], "height": 2.0 * half[1], "goal": goal, "columns": 3}
+
     def _skeleton(self) -> dict[str, list[Shape]]:
         """Return a line from each joint to the next, and a dot at each joint, for a robot without shapes."""
         model = self.robot.model
@@ -189,7 +233,7 @@ class Stage:
 
     def extent(self, frames: Array) -> tuple[list[float], float]:
         """Return centre and radius [m] of what the nodes of some frames span."""
-        count = len([node for node in self.nodes if not node.path.startswith("bodies/")])
+        count = len([node for node in self.nodes if node.path.startswith(("robot/", "goal/"))])
         corners = []
         for pose, node in zip(frames[:, 1 : 1 + 7 * count].reshape(len(frames), -1, 7).transpose(1, 0, 2), self.nodes,
                               strict=False):  # fmt: skip
@@ -224,6 +268,7 @@ class Stage:
             "arrows": [{"name": arrow.name, "unit": arrow.unit} for arrow in self.arrows],
             "values": self.values,
             "trail": self.trail,
+            "image": self.image,
             "notes": self.notes,
         }
 

@@ -11,10 +11,13 @@ import yourdfpy
 
 from phcontrol import (
     CompliantBody,
+    FeatureFlow,
     JointContact,
     Log,
     MechanicalSystem,
+    ObservedObject,
     PHControlError,
+    PinholeCamera,
     RigidBody,
     SphereContact,
     load_robot,
@@ -209,3 +212,36 @@ def test_bodies_in_space_stand_where_they_are(shape):
     (node,) = [node for node in stage.nodes if node.path == "bodies/0/shape"]
     assert node.shapes[0].kind == shape
     np.testing.assert_allclose(node.shapes[0].size, np.atleast_1d(size))
+
+
+def test_the_camera_its_image_and_the_object():
+    """The object is where the camera's features, projected by hand, say; the frustum's edges span its field of view."""
+    system = make_system("pera")
+    camera = PinholeCamera(image_size=(640, 480), field_of_view=np.pi / 2)
+    seen = ObservedObject.seen_as(camera, [0.004, 0.003, 0.0028], system.at(system.robot.home))
+    law = make_controller("hamiltonian_servo", system, camera=camera)
+    log = simulate(system, law, duration=0.3, dt=5e-3, scene=seen)
+    stage, k = Stage.of(log), len(log) - 1
+    frame = stage.frame(log.time[k], log.position[k], log.row(k))
+    placed = poses(stage, frame)
+    eye = placed["camera/frustum"]
+    x, y, z = eye.actInv(placed["object/box"].translation)
+    np.testing.assert_allclose([0.01 * x / z, 0.01 * y / z, 0.01 * 0.038 / z], log.features[k], atol=1e-12)
+    np.testing.assert_allclose(frame[-3:], log.features[k])
+    (frustum,) = [node for node in stage.nodes if node.path == "camera/frustum"]
+    corner = np.abs(frustum.shapes[0].points).max(axis=0)
+    np.testing.assert_allclose(corner / corner[2], [1.0, 0.75, 1.0])  # 90 degrees wide, 3/4 as high
+    assert stage.image["goal"] == [0.0, 0.0, 0.002]
+    assert stage.image["width"] == pytest.approx(0.02)
+
+
+def test_a_camera_whose_image_has_no_end_shows_all_there_is_to_see():
+    system = make_system("pera_shoulder_elbow")
+    flow = FeatureFlow(PinholeCamera(), [0.004, -0.003, 0.0028], 0.038)
+    law = make_controller("hamiltonian_servo", system)
+    log = simulate(system, law, duration=0.1, dt=5e-3, scene=flow, q0=[0.0, 0.7, -1.8])
+    stage = Stage.of(log)
+    half = [0.5 * stage.image["width"], 0.5 * stage.image["height"]]
+    assert (np.abs(log.features[:, :2]).max(axis=0) < half).all()
+    assert not any(node.path.startswith(("object/", "goal/")) for node in stage.nodes)
+    assert np.isfinite(frames_of(log, stage, 30.0)).all()

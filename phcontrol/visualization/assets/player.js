@@ -300,16 +300,16 @@
       pen.lineTo(x(mu + length / 2), y(nu));
       pen.stroke();
     };
-    pen.strokeStyle = "rgba(0, 114, 178, 0.5)";
+    pen.strokeStyle = "rgba(26, 153, 89, 0.5)";
     pen.lineWidth = 1;
     pen.beginPath();
     for (let i = 0; i <= index; i++) pen.lineTo(x(frames[i][columns.image]), y(frames[i][columns.image + 1]));
     pen.stroke();
-    bar(image.goal[0], image.goal[1], image.goal[2], "rgba(0, 158, 115, 0.55)", 9);
-    bar(frame[columns.image], frame[columns.image + 1], frame[columns.image + 2], "#d55e00", 4);
+    if (image.goal) bar(image.goal[0], image.goal[1], image.goal[2], "rgba(0, 114, 178, 0.40)", 9);
+    bar(frame[columns.image], frame[columns.image + 1], frame[columns.image + 2], "#1a9959", 4);
     pen.fillStyle = "#30343b";
     pen.font = "11px system-ui, sans-serif";
-    pen.fillText("image plane: object (orange), goal (green)", 6, 14);
+    pen.fillText("image plane: object (green), goal (blue)", 6, 14);
   }
 
   // --- playing --------------------------------------------------------------------------------------------
