@@ -82,7 +82,7 @@ def test_certify_all_as_table_and_as_json():
 
 @pytest.mark.parametrize(("law", "robot"), list(zip(CONTROLLERS, itertools.cycle(["ur5", "kinova", "panda"]))))
 def test_every_law_runs_on_any_robot_without_an_experiment(law, robot, tmp_path):
-    command = ["servo", "--controller", law] if "servo" in law else [law]
+    command = ["servo", "--controller", law, "--dt", "0.001"] if "servo" in law else [law]
     result = run("run", *command, "--robot", robot, "--duration", "0.05", "--samples", "2", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert f"on {robot}" in result.output

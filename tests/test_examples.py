@@ -54,6 +54,31 @@ def test_own_urdf(tmp_path, monkeypatch):
     assert np.abs(it["log"].position[-1] - it["goal"]).max() < 1e-3
 
 
+def test_servo_to_object(tmp_path, monkeypatch):
+    it = run("servo_to_object.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    assert it["error"][-1] < 2e-5  # [m] on the image plane: a pixel is 3.1e-5
+
+
+def test_servo_and_grasp_is_one_closed_loop(tmp_path, monkeypatch):
+    """The hand is at the block before it closes, and then holds it with the wished force."""
+    it = run("servo_and_grasp.py", tmp_path, monkeypatch)
+    assert all(certificate.passed for certificate in it["certificates"])
+    log = it["log"]
+    assert log.time[it["touch"]] > it["close_at"]
+    assert it["distance"] < 1e-3  # [m]
+    assert log.contact_force[-1] == pytest.approx(0.5, rel=0.02)
+    assert log.contact_force.max() < 0.75
+    after = log.time >= it["close_at"]
+    moved = np.abs(log.position[after, :7] - log.position[after, :7][0]).max()
+    assert moved < 0.02  # [rad]: the arm stays where it is while the hand closes
+    assert (log.position >= it["robot"].lower).all()
+    assert (log.position <= it["robot"].upper).all()
+    page = (tmp_path / "servo_and_grasp.html").read_text()
+    for part in ("camera/frustum", "object/box", "bodies/0/left_finger", "goal/hand"):
+        assert part in page
+
+
 def test_every_example_is_tested_and_says_what_it_is():
     tests = Path(__file__).read_text()
     for path in EXAMPLES.glob("*.py"):
