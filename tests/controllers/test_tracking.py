@@ -243,6 +243,37 @@ def test_the_default_trajectory_goes_to_the_goal_or_swings(shoulder):
     assert 0.1 < max(speeds) <= 1.0  # half the limit of 2 rad/s
 
 
+class NoAcceleration(TrajectoryTracking):
+    """M q̈_d is forgotten."""
+
+    def evaluate(self, t, x, state, measured=None):
+        command = super().evaluate(t, x, state, measured)
+        return command._replace(torque=command.torque - x.mass_matrix @ self.trajectory.at(t).acceleration)
+
+
+class FullSlope(TrajectoryTracking):
+    """∂(q̇_dᵀMq̇_d)/∂q without the half, as (6.14) has it (errata E22)."""
+
+    def evaluate(self, t, x, state, measured=None):
+        command, v = super().evaluate(t, x, state, measured), self.trajectory.at(t).velocity
+        extra = 0.5 * np.einsum("i,kij,j->k", v, x.mass_matrix_derivative, v)
+        return command._replace(torque=command.torque - extra)
+
+
+class TimeStandsStill(TrajectoryTracking):
+    """A storage function that does not know that its goal moves."""
+
+    def storage(self, t, x, state, measured=None):
+        return super().storage(1.0, x, state)
+
+
+@pytest.mark.parametrize("law", [NoAcceleration, FullSlope, TimeStandsStill], ids=lambda law: law.__name__)
+def test_broken_tracking_gets_no_certificate(pera, law):
+    broken = law(pera, trajectory=wandering(7), stiffness=20.0, damping=5.0, interconnection="transformed")
+    certificate = certify(broken, samples=10)
+    assert not certificate.matching_passed, str(certificate)
+
+
 def test_the_gain_from_force_to_output_is_bounded_as_it_is_for_a_law_at_rest(pera):
     """γ = 1/λ_min(C_d), while the goal moves: the measured ratio of a run from the trajectory stays below it."""
     trajectory = wandering(7)
