@@ -63,6 +63,9 @@ ArmatureOption = Annotated[
     str | None,
     typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
 ]
+StepOption = Annotated[
+    float | None, typer.Option(help="Step of the integrator [s]. Default: 1 ms, or less if friction asks for it.")
+]
 ReachOption = Annotated[
     str | None,
     typer.Option(help="Goal for a frame instead of the joints: a point x,y,z in the world [m] (needs Pink)."),
@@ -114,7 +117,7 @@ def run_arm(
     reach: ReachOption = None,
     frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
-    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    dt: StepOption = None,
     integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
     control_period: Annotated[
         float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
@@ -184,7 +187,7 @@ def track(
     reach: ReachOption = None,
     frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
-    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    dt: StepOption = None,
     control_period: Annotated[
         float | None,
         typer.Option(help="Hold the torque for this long [s]; it is computed for the middle of that time."),
