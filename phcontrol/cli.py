@@ -49,7 +49,9 @@ app = typer.Typer(
     add_completion=False,
 )
 run_app = typer.Typer(
-    help="Run a study; writes its log, picture and figures.", no_args_is_help=True, rich_markup_mode=None
+    help="Run a law on any arm, or a study; writes logs, pictures and figures.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 app.add_typer(run_app, name="run")
 
