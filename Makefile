@@ -1,4 +1,4 @@
-# make demo   set everything up and see the PERA move: log, picture and certificate in results/position
+# make demo   set everything up and see the PERA move: log, picture, certificate and a page in results/position
 # make test   set everything up and run the tests
 # make docs   the documentation as a site, in site/index.html
 # make lint   formatter, linter and type checker
@@ -11,7 +11,7 @@ READY := $(VENV)/.ready
 .PHONY: demo test docs lint clean
 
 demo: $(READY)
-	$(BIN)/phcontrol run position --robot pera --out results/position
+	$(BIN)/phcontrol run position --robot pera --out results/position --record results/position/position.html
 
 test: $(READY)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup

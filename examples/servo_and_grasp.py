@@ -11,8 +11,8 @@ import numpy as np
 from phcontrol import (
     CameraSensor,
     CompliantBody,
-    ForceSensor,
     ForceRegulation,
+    ForceSensor,
     HamiltonianServo,
     ImpedanceGrasping,
     JointContact,

@@ -56,7 +56,9 @@ app = typer.Typer(
     add_completion=False,
 )
 run_app = typer.Typer(
-    help="Run a study; writes its log, picture and figures.", no_args_is_help=True, rich_markup_mode=None
+    help="Run a law on any arm, or a study; writes logs, pictures and figures.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 app.add_typer(run_app, name="run")
 
@@ -69,6 +71,9 @@ FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.j
 ArmatureOption = Annotated[
     str | None,
     typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
+]
+StepOption = Annotated[
+    float | None, typer.Option(help="Step of the integrator [s]. Default: 1 ms, or less if friction asks for it.")
 ]
 ReachOption = Annotated[
     str | None,
@@ -136,7 +141,7 @@ def run_arm(
     reach: ReachOption = None,
     frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
-    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    dt: StepOption = None,
     integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
     control_period: Annotated[
         float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
@@ -225,7 +230,7 @@ def track(
     reach: ReachOption = None,
     frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
-    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    dt: StepOption = None,
     control_period: Annotated[
         float | None,
         typer.Option(help="Hold the torque for this long [s]; it is computed for the middle of that time."),

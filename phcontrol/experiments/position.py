@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import eigh
 
 from phcontrol._files import write_json
 from phcontrol._validation import Array, choice
@@ -22,6 +24,7 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.trajectories.limits import LimitReport, check_limits
 
@@ -30,6 +33,9 @@ if TYPE_CHECKING:
 
 REACHABLE = {"pera": (-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2), "pera_shoulder": (1.0, 0.5), "pera_gripper": (0.6,)}
 """Postures inside the joint limits, for the shipped arms [rad]."""
+
+LONGEST_STEP, SHORTEST_STEP = 1e-3, 1e-4
+"""Steps of the integrator that are chosen on their own [s]."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,8 @@ class PositionRun:
                 f"({balance.relative_residual:.1e} of the largest power)",
                 f"  torque limits      acted on {int(log.saturated.sum())} of {len(log)} samples",
                 f"  velocity limits    {'kept' if not fast else 'exceeded: ' + ', '.join(fast)}",
-                f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s)",
+                f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s, "
+                f"steps of {1e3 * log.metadata['dt']:.3g} ms)",
                 "",
                 str(self.certificate),
             ]
@@ -133,6 +140,34 @@ def reachable_goal(robot: Robot) -> Array:
     return robot.near_home()
 
 
+def stable_step(law: Controller, posture: Array, integrator: str = "rk4", control_period: float | None = None) -> float:
+    """Return the step of an integrator [s]: 1 ms, or less where friction and damping at rest would make that unstable.
+
+    The fastest rate is the largest eigenvalue of M⁻¹(D + G C Gᵀ) at home and at the posture; half of what the
+    integrator bears is used. Raises InvalidArgumentError where that is less than 0.1 ms: such an arm has dry friction
+    on joints without the rotors that go with it.
+    """
+    system, rate, slowest = law.system, 0.0, ""
+    damping = getattr(law, "damping", None)
+    for position in (system.robot.home, posture):
+        x = system.at(position)
+        injected = 0.0 if damping is None else x.input_matrix @ damping @ x.input_matrix.T
+        rates, directions = eigh(x.damping_matrix + injected, x.mass_matrix)
+        if rates[-1] > rate:
+            rate, slowest = float(rates[-1]), system.robot.joint_names[int(np.abs(directions[:, -1]).argmax())]
+    longest = 0.5 * INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].stability / max(rate, 1e-9)
+    if longest < SHORTEST_STEP:
+        raise InvalidArgumentError(
+            "dt",
+            f"friction brakes joint '{slowest}' of {system.robot.name} at {rate:.2g} 1/s, which needs steps of "
+            f"{longest:.1g} s: its description has friction but no rotor inertia; give one (an armature of 0.05, for "
+            "instance), lock that joint, set dt yourself, or integrate with implicit_midpoint",
+        )
+    period = LONGEST_STEP if control_period is None else control_period
+    step = min(LONGEST_STEP, longest)
+    return period / max(1, math.ceil(period / step - 1e-9))
+
+
 def run_position(
     system: MechanicalSystem,
     *,
@@ -142,6 +177,9 @@ def run_position(
     interconnection: str = "coriolis",
     samples: int = 50,
     options: dict[str, Any] | None = None,
+    dt: float | None = None,
+    integrator: str = "rk4",
+    control_period: float | None = None,
     **simulation: Any,
 ) -> PositionRun:
     """Let a law act on an arm that rests at home, and certify it there.
@@ -155,12 +193,17 @@ def run_position(
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
         options: gains of the law, replacing the defaults.
+        dt: step of the integrator [s]; by default 1 ms, or less where the friction asks for it (``stable_step``).
+        integrator: as in ``simulate``.
+        control_period: as in ``simulate``.
         simulation: passed on to ``simulate``.
     """
     if issubclass(CONTROLLERS[choice("controller", controller, CONTROLLERS)].law, VisualServo):
         raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
     law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **(options or {}))
+    step = stable_step(law, posture, integrator, control_period) if dt is None else dt
+    simulation |= {"dt": step, "integrator": integrator, "control_period": control_period}
     start = time.perf_counter()
     log = simulate(system, law, duration=duration, **simulation)
     wall_time = time.perf_counter() - start

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 from phcontrol._validation import Array, number
 from phcontrol.exceptions import InvalidArgumentError
 
@@ -49,9 +51,12 @@ def check_trajectory(name: str, value: Trajectory, size: int) -> Trajectory:
     if value.n != size:
         raise InvalidArgumentError(name, f"must be for {size} joints, but is for {value.n}")
     for t in (0.0, number("duration", value.duration, minimum=0.0)):
-        for quantity, array in value.at(t)._asdict().items():
-            if array.shape != (size,) or not abs(array).max() < float("inf"):
-                raise InvalidArgumentError(
-                    name, f"must give {size} finite numbers, but its {quantity} at {t:g} s is {array}"
-                )
+        reference = value.at(t)
+        if not isinstance(reference, Reference):
+            raise InvalidArgumentError(name, f"must give a Reference at {t:g} s, but gives {type(reference).__name__}")
+        for quantity, array in reference._asdict().items():
+            is_vector = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.shape == (size,)
+            if not is_vector or not np.isfinite(array).all():
+                message = f"must give arrays of {size} finite numbers, but its {quantity} at {t:g} s is {array}"
+                raise InvalidArgumentError(name, message)
     return value

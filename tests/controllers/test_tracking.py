@@ -236,11 +236,42 @@ def test_the_default_trajectory_goes_to_the_goal_or_swings(shoulder):
     """A goal is gone to by minimum jerk; without one, or at home, the arm swings, so that a certificate sees motion."""
     going = make_controller("tracking", shoulder, goal=[1.0, 0.5]).trajectory
     assert isinstance(going, MinimumJerk)
-    np.testing.assert_array_equal(going.at(going.duration).position, [1.0, 0.5])
+    np.testing.assert_allclose(going.at(going.duration).position, [1.0, 0.5], atol=1e-12)
     swinging = make_controller("tracking", shoulder).trajectory
     np.testing.assert_allclose(swinging.at(0.0).position, shoulder.robot.home, atol=1e-12)
     speeds = [np.abs(swinging.at(t).velocity).max() for t in np.linspace(0.0, swinging.duration, 50)]
     assert 0.1 < max(speeds) <= 1.0  # half the limit of 2 rad/s
+
+
+class NoAcceleration(TrajectoryTracking):
+    """M q̈_d is forgotten."""
+
+    def evaluate(self, t, x, state, measured=None):
+        command = super().evaluate(t, x, state, measured)
+        return command._replace(torque=command.torque - x.mass_matrix @ self.trajectory.at(t).acceleration)
+
+
+class FullSlope(TrajectoryTracking):
+    """∂(q̇_dᵀMq̇_d)/∂q without the half, as (6.14) has it (errata E22)."""
+
+    def evaluate(self, t, x, state, measured=None):
+        command, v = super().evaluate(t, x, state, measured), self.trajectory.at(t).velocity
+        extra = 0.5 * np.einsum("i,kij,j->k", v, x.mass_matrix_derivative, v)
+        return command._replace(torque=command.torque - extra)
+
+
+class TimeStandsStill(TrajectoryTracking):
+    """A storage function that does not know that its goal moves."""
+
+    def storage(self, t, x, state, measured=None):
+        return super().storage(1.0, x, state)
+
+
+@pytest.mark.parametrize("law", [NoAcceleration, FullSlope, TimeStandsStill], ids=lambda law: law.__name__)
+def test_broken_tracking_gets_no_certificate(pera, law):
+    broken = law(pera, trajectory=wandering(7), stiffness=20.0, damping=5.0, interconnection="transformed")
+    certificate = certify(broken, samples=10)
+    assert not certificate.matching_passed, str(certificate)
 
 
 def test_the_gain_from_force_to_output_is_bounded_as_it_is_for_a_law_at_rest(pera):

@@ -20,7 +20,7 @@ from phcontrol import (
     load_robot,
 )
 from phcontrol._differences import central_difference
-from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
+from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
 
 TIMES = [0.5, 1.0, 1.8, 2.0, 3.1, 4.0, 4.5]
 WAYPOINTS = np.array([[0.0, 0.3], [0.5, 0.1], [-0.2, 0.4], [0.1, 0.8], [1.0, -1.0], [0.4, 0.0], [0.0, 0.3]])
@@ -147,6 +147,31 @@ def test_smoothing_is_the_smoothing_spline_and_takes_noise_away(rng):
         for name, path in (("smooth", trajectory), ("rough", rough))
     }
     assert errors["smooth"] < 0.5 * errors["rough"]
+
+
+class Own:
+    """A trajectory of the user's, which gives what it is told to."""
+
+    n, duration = 2, 1.0
+
+    def __init__(self, given):
+        self.given = given
+
+    def at(self, t):
+        return self.given
+
+
+def test_a_trajectory_of_ones_own_is_looked_at():
+    good = Reference(*np.zeros((3, 2)))
+    assert check_trajectory("trajectory", Own(good), 2).at(0.0) is good
+    for given, complaint in (
+        (tuple(good), "must give a Reference at 0 s, but gives tuple"),
+        (good._replace(velocity=[0.0, 0.0]), "must give arrays of 2 finite numbers, but its velocity at 0 s is"),
+        (good._replace(acceleration=np.zeros(3)), "but its acceleration at 0 s is"),
+        (good._replace(position=np.array([0.0, np.nan])), "but its position at 0 s is"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=complaint):
+            check_trajectory("trajectory", Own(given), 2)
 
 
 @pytest.mark.parametrize(
