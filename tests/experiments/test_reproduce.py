@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import psutil
 import pytest
 
 from phcontrol import UnknownNameError
@@ -85,6 +86,23 @@ def test_a_killed_reproduction_loses_only_what_was_running(tmp_path):
     result = reproduce(tmp_path, only=names, progress=False)
     assert set(result.kept) == finished
     assert set(result.run) == set(names) - finished
+
+
+def test_tasks_end_with_a_reproduction_that_is_killed(tmp_path):
+    command = [sys.executable, "-m", "phcontrol.cli", "reproduce", "--out", str(tmp_path), "--only", "fig-3-1"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    children = []
+    deadline = time.monotonic() + 60.0
+    while not children and time.monotonic() < deadline:
+        children = psutil.Process(process.pid).children()
+        time.sleep(0.05)
+    time.sleep(1.0)  # the task has begun
+    process.kill()
+    process.wait()
+    gone, alive = psutil.wait_procs(children, timeout=30)
+    assert gone
+    assert not alive
+    assert not (tmp_path / "fig-3-1" / DONE).exists()
 
 
 def test_a_task_that_fails_is_named_and_the_others_go_on(tmp_path):
