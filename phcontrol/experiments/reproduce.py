@@ -161,7 +161,7 @@ def _run_task(name: str, folder: Path, running: set[subprocess.Popen[str]]) -> s
     """Run one task in a process of its own; return why it failed, or nothing."""
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     process = subprocess.Popen(
-        [sys.executable, "-m", "phcontrol.experiments.task", name, str(folder / name)],
+        [sys.executable, "-m", "phcontrol.experiments.task", name, str(folder / name), str(os.getpid())],
         env=os.environ | one_thread,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""One task of a reproduction, run as ``python -m phcontrol.experiments.task NAME FOLDER``."""
+"""One task of a reproduction, run as ``python -m phcontrol.experiments.task NAME FOLDER PARENT``."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _end_with(parent: int) -> None:
 
 
 if __name__ == "__main__":
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(int(sys.argv[3]),), daemon=True).start()
     try:
         run_task(sys.argv[1], Path(sys.argv[2]))
     except PHControlError as error:
