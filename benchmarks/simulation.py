@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from reference import closed_loop, energy_shaping
 
-from phcontrol import EnergyShaping, MechanicalSystem, load_robot, simulate
+from phcontrol import EnergyShaping, LiveView, MechanicalSystem, load_robot, simulate
 
 DT, DURATION, BUDGET = 1e-3, 1.0, 0.7
 
@@ -34,18 +34,23 @@ def main() -> None:
     print(f"simulated seconds per second, {repeats} alternating repeats: median (lowest to highest)")
     for title, period in {"continuous": None, "sampled at 1 ms": DT}.items():
 
-        def ours(period: float | None = period, limit: str | None = None) -> np.ndarray:
-            log = simulate(system, controller, duration=DURATION, dt=DT, control_period=period, torque_limit=limit)
+        def ours(period: float | None = period, limit: str | None = None, watch: LiveView | None = None) -> np.ndarray:
+            options = {"control_period": period, "torque_limit": limit, "watch": watch}
+            log = simulate(system, controller, duration=DURATION, dt=DT, **options)
             return log.position[-1]
 
         def reference(sampled: bool = period is not None) -> np.ndarray:
             return closed_loop(system.model, law, q0, v0, DT, steps, sampled)["q"][-1]
 
         difference = np.abs(ours() - reference()).max()
-        by_hand, without, with_limits = alternate([reference, ours, lambda: ours(limit="robot")], repeats)
+        with LiveView(port=0, real_time=False, announce=lambda server: None) as view:
+            ours(watch=view)  # the page is made now, and served by another process
+            runs = [reference, ours, lambda: ours(limit="robot"), lambda view=view: ours(watch=view)]
+            by_hand, without, with_limits, watched = alternate(runs, repeats)
         print(f"\n{title} (final positions differ by {difference:.1e} rad)")
         print(f"  by hand                      {summary(by_hand)}")
-        for name, rates in {"simulate": without, "simulate, torque limits on": with_limits}.items():
+        ways = {"simulate": without, "simulate, torque limits on": with_limits, "simulate, watched at 30 Hz": watched}
+        for name, rates in ways.items():
             ratio = float(np.median(rates / by_hand))
             verdict = "met" if ratio >= BUDGET else "MISSED"
             print(f"  {name:<28} {summary(rates)}   ratio {ratio:.2f}, budget {BUDGET} {verdict}")
