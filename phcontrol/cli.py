@@ -49,7 +49,7 @@ app = typer.Typer(
     add_completion=False,
 )
 run_app = typer.Typer(
-    help="Run a law on any arm, or a study; writes logs, pictures and figures.",
+    help="Run a law on any arm, or a study; writes logs and pictures.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
