@@ -11,8 +11,10 @@ from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
+from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
@@ -29,6 +31,7 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     MissingMeasurementError,
     NonFiniteTorqueError,
+    ObjectLostError,
     PHControlError,
     RobotDescriptionError,
     SimulationError,
@@ -43,6 +46,7 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -55,12 +59,21 @@ from phcontrol.trajectories.minimum_jerk import MinimumJerk
 from phcontrol.trajectories.sinusoid import Sinusoid
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
 from phcontrol.trajectories.trajectory import Reference, Trajectory
+from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.feature_flow import FeatureFlow
+from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+from phcontrol.vision.rendered_view import RenderedView
+from phcontrol.vision.rendering import Renderer
 
 __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
     "Body",
+    "CameraSensor",
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
@@ -72,6 +85,7 @@ __all__ = [
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "FeatureFlow",
     "ForceConditions",
     "ForceControl",
     "ForceFeedback",
@@ -79,6 +93,7 @@ __all__ = [
     "ForceSensor",
     "GainBound",
     "GripperSpring",
+    "HamiltonianServo",
     "Holding",
     "ImpedanceGrasping",
     "IntegralAction",
@@ -93,12 +108,18 @@ __all__ = [
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
+    "ObjectLostError",
+    "ObservedObject",
     "PHControlError",
+    "PinholeCamera",
     "Posture",
     "PowerBalance",
     "Pulse",
     "QuinticSpline",
+    "ReductionServo",
     "Reference",
+    "RenderedView",
+    "Renderer",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
@@ -127,8 +148,11 @@ __all__ = [
     "check_limits",
     "damping_for_gain",
     "equilibrium",
+    "extract_features",
     "follow",
     "force_control_conditions",
+    "goal_posture",
+    "interaction_matrix",
     "l2_gain",
     "load_robot",
     "make_controller",

@@ -17,6 +17,7 @@ from phcontrol._version import __version__
 from phcontrol.analysis.certificate import certify as make_certificate
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking, swing
+from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import (
     DataFileError,
     InvalidArgumentError,
@@ -27,6 +28,7 @@ from phcontrol.exceptions import (
 from phcontrol.experiments.certificate_survey import SurveyRow, every_arm, markdown, survey
 from phcontrol.experiments.position import run_position
 from phcontrol.experiments.registry import STUDIES, run_study
+from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.robot import check_joint_names
@@ -222,12 +224,54 @@ def track(
     )
 
 
-def _add_law(name: str, summary: str) -> None:
-    """Make ``run NAME`` of ``run position``: the same options but --controller."""
-    signature, hints = inspect.signature(run_arm), get_type_hints(run_arm, include_extras=True)
+@run_app.command("servo")
+@reports_errors
+def run_servo_command(
+    robot: RobotOption = "pera",
+    controller: Annotated[str, typer.Option(help="reduction_servo or hamiltonian_servo.")] = "hamiltonian_servo",
+    interconnection: FormOption = "coriolis",
+    start: Annotated[
+        str, typer.Option(help="Where the object is in the image at home: mu,nu,l [m].")
+    ] = "0.004,0.003,0.0028",
+    goal: Annotated[str, typer.Option(help="Where it should be: mu,nu,l [m].")] = "0,0,0.002",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 6.0,
+    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 2e-3,
+    camera_rate: Annotated[
+        float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
+) -> None:
+    """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
+    system = _system(robot, lock, armature)
+    _check_writable(out)
+    result = run_servo(
+        system,
+        controller=controller,
+        start=_numbers("--start", start),
+        goal=_numbers("--goal", goal),
+        interconnection=interconnection,
+        samples=samples,
+        camera_rate=camera_rate,
+        options=_settings(settings),
+        duration=duration,
+        dt=dt,
+    )
+    typer.echo(result.summary())
+    typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
+    if not result.certificate.passed:
+        raise typer.Exit(1)
+
+
+def _add_law(name: str, summary: str, general: Callable[..., None]) -> None:
+    """Make ``run NAME`` of ``run position`` or ``run servo``: the same options but --controller."""
+    signature, hints = inspect.signature(general), get_type_hints(general, include_extras=True)
 
     def command(out: Path | None = None, **arguments: Any) -> None:
-        run_arm(controller=name, out=Path("results") / name if out is None else out, **arguments)
+        general(controller=name, out=Path("results") / name if out is None else out, **arguments)
 
     command.__signature__ = signature.replace(  # type: ignore[attr-defined]
         parameters=[
@@ -242,7 +286,7 @@ def _add_law(name: str, summary: str) -> None:
 
 
 for _name, _entry in CONTROLLERS.items():
-    _add_law(_name, _entry.summary)
+    _add_law(_name, _entry.summary, run_servo_command if issubclass(_entry.law, VisualServo) else run_arm)
 
 
 def _add_study(name: str, summary: str) -> None:
@@ -286,12 +330,17 @@ def certify(
         _certify_every_arm(names, interconnection, samples, seed, as_json)
         return
     system = _system(robot, lock, armature)
-    labelled = [
-        (name, make_certificate(law, system, samples=samples, seed=seed))
-        for name in names
-        for form in (CONTROLLERS[name].law.forms if interconnection == "all" else [interconnection])
-        for law in [make_controller(name, system, interconnection=form, **_settings(settings))]
-    ]
+    labelled, left_out = [], []
+    for name in names:
+        forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
+        try:
+            laws = [make_controller(name, system, interconnection=form, **_settings(settings)) for form in forms]
+        except InvalidArgumentError as error:
+            if controller != "all" or settings:
+                raise
+            left_out.append(f"{name} is not for this arm: {error}")
+            continue
+        labelled += [(name, make_certificate(law, system, samples=samples, seed=seed)) for law in laws]
     if as_json:
         typer.echo(json.dumps([item.to_dict() | {"law": label} for label, item in labelled], indent=2))
     elif len(labelled) == 1:
@@ -305,6 +354,8 @@ def certify(
                 f"{item.smallest_dissipation:>10.1e}{item.largest_storage_rate:>10.1e}  "
                 + ("passed" if item.passed else "FAILED")
             )
+        for line in left_out:
+            typer.echo(line)
     if not all(item.passed for _, item in labelled):
         raise typer.Exit(1)
 
@@ -425,6 +476,13 @@ def _by_joint(option: str, text: str) -> dict[str, float] | list[float]:
     except ValueError as error:
         message = f"must be {'angles' if option == '--goal' else 'numbers'} like 0.1,0.2 or pairs like elbow=0.3"
         raise InvalidArgumentError(option, f"{message}, but is '{text}'") from error
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise InvalidArgumentError(option, f"must be numbers like 0,0,0.002, but is '{text}'") from error
 
 
 def _settings(pairs: list[str] | None) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 from phcontrol import Log, load_robot
 from phcontrol.cli import app
-from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.registry import CONTROLLERS, laws_for
+from tests.conftest import make_system
 
 QUICK = ["--robot", "pera_shoulder", "--duration", "0.2", "--samples", "3"]
 
@@ -48,19 +49,37 @@ def test_options_of_the_run_reach_it(tmp_path):
     assert metadata["integrator"] == "semi_implicit_euler"
 
 
+@pytest.mark.parametrize("options", [["--camera-rate", "50"], ["--controller", "reduction_servo"]])
+def test_run_servo_writes_log_picture_and_certificate(tmp_path, options):
+    result = run(
+        "run", "servo", "--robot", "pera_shoulder_elbow", "--duration", "4", "--samples", "3", *options,
+        "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "largest error of a feature" in result.output
+    log = Log.load(tmp_path / "log.npz")
+    assert abs(log.features[-1] - [0.0, 0.0, 0.002]).max() < 2e-4
+    assert ("features" in log.measured) is ("--camera-rate" in options)
+    assert json.loads((tmp_path / "certificate.json").read_text())["passed"] is True
+    assert (tmp_path / "servo.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_certify_all_as_table_and_as_json():
     table = run("certify", "--robot", "pera_shoulder", "--samples", "3")
     assert table.exit_code == 0, table.output
-    assert table.output.count("passed") == sum(len(entry.law.forms) for entry in CONTROLLERS.values())
+    applicable = laws_for(make_system("pera_shoulder"))
+    assert table.output.count("passed") == sum(len(CONTROLLERS[name].law.forms) for name in applicable)
+    assert "hamiltonian_servo is not for this arm: system: has 2 joints" in table.output
     data = run("certify", "--robot", "pera_shoulder", "--samples", "3", "--json")
     rows = json.loads(data.output)
-    assert {row["law"] for row in rows} == set(CONTROLLERS)
+    assert {row["law"] for row in rows} == set(applicable)
     assert all(row["passed"] for row in rows)
 
 
 @pytest.mark.parametrize(("law", "robot"), list(zip(CONTROLLERS, itertools.cycle(["ur5", "kinova", "panda"]))))
 def test_every_law_runs_on_any_robot_without_an_experiment(law, robot, tmp_path):
-    result = run("run", law, "--robot", robot, "--duration", "0.05", "--samples", "2", "--out", str(tmp_path))
+    quick = ["--duration", "0.05", "--dt", "0.001", "--samples", "2", "--out", str(tmp_path)]
+    result = run("run", law, "--robot", robot, *quick)
     assert result.exit_code == 0, result.output
     assert f"on {robot}" in result.output
     log = Log.load(tmp_path / "log.npz")
@@ -184,6 +203,15 @@ def test_listings(command):
         (["run", "track", "--reach", "9,9,9"], "error: frame 'tool' of pera does not reach its target"),
         (["run", "position", "--reach", "9,9"], "error: --reach: must be a point x,y,z"),
         (["run", "position", "--reach", "1,1,1", "--goal", "0"], "error: --reach: and --goal are two goals"),
+        (
+            ["run", "position", "--controller", "hamiltonian_servo"],
+            "error: controller: hamiltonian_servo steers by an image, not to a posture: use 'run servo'",
+        ),
+        (["run", "servo", "--controller", "energy_shaping"], "error: unknown servo law 'energy_shaping'"),
+        (["run", "servo", "--start", "a,b"], "error: --start: must be numbers like 0,0,0.002"),
+        (["run", "servo", "--goal", "0,0"], "error: features: must have shape (3,)"),
+        (["certify", "--controller", "hamiltonian_servo", "--robot", "pera_shoulder"], "error: system: has 2 joints"),
+        (["certify", "--controller", "reduction_servo", "--set", 'frame="eye"'], "error: unknown frame 'eye' of pera"),
         (["run", "nothing"], "No such command 'nothing'"),
         (["certify", "--wrong"], "No such option: --wrong"),
     ],

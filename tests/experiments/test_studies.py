@@ -34,6 +34,9 @@ NOT_REPRODUCED = {
     "track-pera": {"hold"},
     "pera-press": set(),
     "grasp-grid": {"contact", "impact", "settled"},
+    "fig-5-3": {"reduction-is-better"},
+    "servo-pera": {"positive-stable"},
+    "servo-images": set(),
 }
 
 
