@@ -56,7 +56,7 @@ app = typer.Typer(
     add_completion=False,
 )
 run_app = typer.Typer(
-    help="Run a law on any arm, or a study; writes logs, pictures and figures.",
+    help="Run a law on any arm, or a study; writes logs and pictures.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -267,30 +267,6 @@ def track(
     )
 
 
-def _add_law(name: str, summary: str) -> None:
-    """Make ``run NAME`` of ``run position``: the same options but --controller."""
-    signature, hints = inspect.signature(run_arm), get_type_hints(run_arm, include_extras=True)
-
-    def command(out: Path | None = None, **arguments: Any) -> None:
-        run_arm(controller=name, out=Path("results") / name if out is None else out, **arguments)
-
-    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[
-            parameter.replace(annotation=hints[key])
-            for key, parameter in signature.parameters.items()
-            if key != "controller"
-        ]
-    )
-    command.__annotations__ = {key: hint for key, hint in hints.items() if key != "controller"}
-    wrapped = reports_errors(command)
-    run_app.command(name, help=f"Run an arm under {name}: {summary}.", short_help=f"law: {summary}")(wrapped)
-
-
-for _name, _entry in CONTROLLERS.items():
-    if not issubclass(_entry.law, VisualServo):
-        _add_law(_name, _entry.summary)
-
-
 @run_app.command("servo")
 @reports_errors
 def run_servo_command(
@@ -307,6 +283,7 @@ def run_servo_command(
         float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
     ] = None,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
     out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
@@ -316,7 +293,7 @@ def run_servo_command(
 ) -> None:
     """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
     _run_and_write(
-        _system(robot, lock, None),
+        _system(robot, lock, armature),
         out,
         Showing(view, record, port),
         study=run_servo,
@@ -330,6 +307,29 @@ def run_servo_command(
         duration=duration,
         dt=dt,
     )
+
+
+def _add_law(name: str, summary: str, general: Callable[..., None]) -> None:
+    """Make ``run NAME`` of ``run position`` or ``run servo``: the same options but --controller."""
+    signature, hints = inspect.signature(general), get_type_hints(general, include_extras=True)
+
+    def command(out: Path | None = None, **arguments: Any) -> None:
+        general(controller=name, out=Path("results") / name if out is None else out, **arguments)
+
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[
+            parameter.replace(annotation=hints[key])
+            for key, parameter in signature.parameters.items()
+            if key != "controller"
+        ]
+    )
+    command.__annotations__ = {key: hint for key, hint in hints.items() if key != "controller"}
+    wrapped = reports_errors(command)
+    run_app.command(name, help=f"Run an arm under {name}: {summary}.", short_help=f"law: {summary}")(wrapped)
+
+
+for _name, _entry in CONTROLLERS.items():
+    _add_law(_name, _entry.summary, run_servo_command if issubclass(_entry.law, VisualServo) else run_arm)
 
 
 def _add_study(name: str, summary: str) -> None:
@@ -392,7 +392,7 @@ def certify(
     system = _system(robot, lock, armature)
     labelled, left_out = [], []
     for name in names:
-        forms = CONTROLLERS[name].law.forms if interconnection == "all" else [interconnection]
+        forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
         try:
             laws = [make_controller(name, system, interconnection=form, **_settings(settings)) for form in forms]
         except InvalidArgumentError as error:

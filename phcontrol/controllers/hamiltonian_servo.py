@@ -6,18 +6,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from phcontrol._validation import Array, gain, matrix
 from phcontrol.controllers.controller import Target
+from phcontrol.controllers.servo_velocity import ServoVelocity
 from phcontrol.controllers.singular_damping import SingularDamping
 from phcontrol.controllers.visual_servo import OBJECT_LENGTH, View, VisualServo
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics.derivatives import (
-    right_inverse,
-    right_inverse_derivative,
-    transformed_velocity_derivative,
-)
+from phcontrol.mechanics.derivatives import transformed_velocity_derivative
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -28,7 +24,6 @@ from phcontrol.vision.interaction import (
 )
 from phcontrol.vision.pinhole_camera import PinholeCamera
 
-_dgetrf, _dgetrs = lapack.dgetrf, lapack.dgetrs
 SINGULAR_LEVER = 0.05
 """The default region of damping is where a feature moves less than the image's length does with a lever of this [m]."""
 DAMPING_SHARE = 0.6
@@ -121,6 +116,7 @@ class HamiltonianServo(VisualServo):
             singular_region,
             self._convergence / np.linalg.norm(self._convergence, 2),
         )
+        self._servo_velocity = ServoVelocity(self.rate, self.singular_damping)
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
@@ -137,8 +133,13 @@ class HamiltonianServo(VisualServo):
             s, s_rate, view = self._motion_along_flow(x, features)
         return s, s_rate, -self.stiffness.dot(view.error).dot(view.image_jacobian)
 
+    def servo_velocity(self, x: MechanicalState, features: Array) -> Array:
+        """Return s(q, τ), shape (n,) [rad/s]."""
+        error, image_jacobian = self.view(x, features)
+        return self._servo_velocity.value(image_jacobian, error, self._pull(x))
+
     def _motion_along_flow(self, x: MechanicalState, features: Array) -> tuple[Array, Array, View]:
-        """Return s and ṡ from directional derivatives along q̇ alone."""
+        """Return s, ṡ and the view, from directional derivatives along q̇ alone."""
         f, length = self._focal_length, self.object_length
         jacobian, jacobian_rate = x.frame_jacobian_and_rate(self.frame, "local")
         delta = interaction_matrix(features, f, length)
@@ -146,72 +147,13 @@ class HamiltonianServo(VisualServo):
         error, features_rate = features - self.goal, B.dot(x.velocity)
         B_rate = interaction_matrix_rate(features, features_rate, f, length).dot(jacobian)
         B_rate += delta.dot(jacobian_rate)
-        square, half = B.dot(B.T), B_rate.dot(B.T)
-        square_rate = half + half.T
-        wish, wish_rate = self.rate.dot(error), self.rate.dot(features_rate)
-        damped = self.singular_damping.at(square)
-        if damped is not None:
-            s, s_rate = self._damped_motion(x, B, B_rate, square, square_rate, wish, wish_rate, damped)
-        elif self._holds_posture:
-            # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
-            z, z_rate = self._posture_pull(x)
-            wish -= B.dot(z)
-            wish_rate -= B_rate.dot(z) + B.dot(z_rate)
-            s, s_rate = _right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
-            s += z
-            s_rate += z_rate
-        else:
-            s, s_rate = _right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
+        pull_rate = self.posture_gain * x.velocity if self._holds_posture else None
+        s, s_rate = self._servo_velocity.along(B, B_rate, error, features_rate, self._pull(x), pull_rate)
         return s, s_rate, View(error, B)
 
-    def _damped_motion(
-        self,
-        x: MechanicalState,
-        B: Array,
-        B_rate: Array,
-        square: Array,
-        square_rate: Array,
-        wish: Array,
-        wish_rate: Array,
-        damped: tuple[float, Array],
-    ) -> tuple[Array, Array]:
-        """Return s and ṡ where λ² > 0."""
-        level, slope = damped
-        level_rate = float(np.vdot(slope, square_rate))
-        weight = self.singular_damping.weight
-        s, s_rate = _right_inverse_motion(
-            B, B_rate, square + level * weight, square_rate + level_rate * weight, wish, wish_rate
-        )
-        fade, fade_rate = self._fade(level), self._fade(level_rate) - 1.0
-        if self._holds_posture and fade > _FADED:
-            z, z_rate = self._posture_pull(x)
-            away = _right_inverse_motion(B, B_rate, square, square_rate, B.dot(z), B_rate.dot(z) + B.dot(z_rate))
-            inner, inner_rate = z - away[0], z_rate - away[1]
-            s += fade * inner
-            s_rate += fade * inner_rate + fade_rate * inner
-        return s, s_rate
-
-    def _fade(self, level: float) -> float:
-        """Return 1 − λ²/λ₀²."""
-        return 1.0 - level / self.singular_damping.level**2
-
-    def _posture_pull(self, x: MechanicalState) -> tuple[Array, Array]:
-        """Return k_n(q − q_r) and k_n q̇, shape (n,) each."""
-        return self.posture_gain * x.position_error(self.posture), self.posture_gain * x.velocity
-
-    def servo_velocity(self, x: MechanicalState, features: Array) -> Array:
-        """Return s(q, τ), shape (n,) [rad/s]."""
-        error, B = self.view(x, features)
-        damped = self.singular_damping.at(B @ B.T)
-        s: Array = right_inverse(B, self._regularisation(damped)) @ (self.rate @ error)
-        fade = 1.0 if damped is None else self._fade(damped[0])
-        if self._holds_posture and fade > _FADED:
-            z = self._posture_pull(x)[0]
-            s = s + fade * (z - right_inverse(B) @ (B @ z))
-        return s
-
-    def _regularisation(self, damped: tuple[float, Array] | None) -> Array | None:
-        return None if damped is None else damped[0] * self.singular_damping.weight
+    def _pull(self, x: MechanicalState) -> Array | None:
+        """Return k_n(q − q_r), shape (n,) [rad/s]; None without a posture term."""
+        return self.posture_gain * x.position_error(self.posture) if self._holds_posture else None
 
     # --- the full derivatives ---------------------------------------------------------------------------
 
@@ -220,70 +162,31 @@ class HamiltonianServo(VisualServo):
 
         Column k is the derivative with respect to q_k, or to the k-th feature.
         """
-        by_position, by_features, s, _ = self._velocity_derivatives(x, features)
-        return (
-            transformed_velocity_derivative(x.factor, x.factor_derivative, s, by_position),
-            x.factor.T @ by_features,
-        )
+        return self._gradients(x, features)[:2]
 
-    def _velocity_derivatives(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array, View]:
-        """Return ∂s/∂q, ∂s/∂τ, s, and the view."""
+    def _gradients(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array, View]:
+        """Return ∂θ/∂q, ∂θ/∂τ, s, and the view."""
         f, length, n = self._focal_length, self.object_length, x.system.n
         jacobian = x.frame_jacobian(self.frame, "local")
         delta = interaction_matrix(features, f, length)
         view = View(features - self.goal, delta @ jacobian)
-        B = view.image_jacobian
-        dB = np.concatenate(  # stacked: n joints, then three features
-            [
-                delta @ x.frame_jacobian_derivative(self.frame, "local"),
-                interaction_matrix_derivative(features, f, length) @ jacobian,
-            ]
+        by_position = delta @ x.frame_jacobian_derivative(self.frame, "local")
+        by_features = interaction_matrix_derivative(features, f, length) @ jacobian
+        s, ds = self._servo_velocity.derivatives(  # stacked: by n joints, then by three features
+            view.image_jacobian,
+            np.concatenate([by_position, by_features]),
+            view.error,
+            np.eye(n + 3, 3, -n),
+            self._pull(x),
+            self.posture_gain * np.eye(n + 3, n) if self._holds_posture else None,
         )
-        damped = self.singular_damping.at(B @ B.T)
-        wish, z = self.rate @ view.error, self._posture_pull(x)[0]
-        if damped is not None:
-            s, ds = self._damped_derivatives(B, dB, wish, z, damped)
-        else:
-            # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = B†(w − B z) + z
-            inverse, d_inverse = right_inverse(B), right_inverse_derivative(B, dB)
-            if self._holds_posture:
-                wish = wish - B @ z
-            s, ds = inverse @ wish, d_inverse @ wish
-            ds[n:] += (inverse @ self.rate).T
-            if self._holds_posture:
-                s += z
-                ds -= (dB @ z) @ inverse.T
-                ds[:n] += self.posture_gain * (np.eye(n) - inverse @ B)
-        return ds[:n].T, ds[n:].T, s, view
-
-    def _damped_derivatives(
-        self, B: Array, dB: Array, wish: Array, z: Array, damped: tuple[float, Array]
-    ) -> tuple[Array, Array]:
-        """Return s and its derivatives by joints and features, shape (n + 3, n), where λ² > 0."""
-        n, (level, slope) = B.shape[1], damped
-        weight = self.singular_damping.weight
-        d_level = 2.0 * np.tensordot(dB @ B.T, slope)  # d(λ²) = tr(slope d(BBᵀ))
-        Q, dQ = level * weight, d_level[:, None, None] * weight
-        inverse = right_inverse(B, Q)
-        s: Array = inverse @ wish
-        ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ wish
-        ds[n:] += (inverse @ self.rate).T
-        fade = self._fade(level)
-        if self._holds_posture and fade > _FADED:
-            plain, along = right_inverse(B), B @ z
-            inner = z - plain @ along
-            d_inner = -(right_inverse_derivative(B, dB) @ along + (dB @ z) @ plain.T)
-            d_inner[:n] += self.posture_gain * (np.eye(n) - plain @ B)
-            s += fade * inner
-            ds += fade * d_inner - d_level[:, None] / self.singular_damping.level**2 * inner
-        return s, ds
+        theta_by_position = transformed_velocity_derivative(x.factor, x.factor_derivative, s, ds[:n].T)
+        return theta_by_position, x.factor.T @ ds[n:].T, s, view
 
     def _motion_by_gradients(self, x: MechanicalState, features: Array) -> tuple[Array, Array, View]:
-        """Return s and ṡ = T⁻ᵀ(θ̇ − Ṫᵀs) with θ̇ = (∂θ/∂q)q̇ + (∂θ/∂τ)τ̇."""
-        by_position, by_features, s, view = self._velocity_derivatives(x, features)
-        theta_by_position = transformed_velocity_derivative(x.factor, x.factor_derivative, s, by_position)
-        theta_by_features = x.factor.T @ by_features
-        theta_rate = theta_by_position @ x.velocity + theta_by_features @ (view.image_jacobian @ x.velocity)
+        """Return s, ṡ = T⁻ᵀ(θ̇ − Ṫᵀs) with θ̇ = (∂θ/∂q)q̇ + (∂θ/∂τ)τ̇, and the view."""
+        by_position, by_features, s, view = self._gradients(x, features)
+        theta_rate = by_position @ x.velocity + by_features @ (view.image_jacobian @ x.velocity)
         return s, x.solve_factor_transposed(theta_rate - s.dot(x.factor_rate)), view
 
     # --- the promise ------------------------------------------------------------------------------------
@@ -310,10 +213,9 @@ class HamiltonianServo(VisualServo):
         n = x.system.n
         error, B = self.view(x, features)
         square = B @ B.T
-        Q = self._regularisation(self.singular_damping.at(square))
-        last = (
-            self._convergence if Q is None else square @ np.linalg.solve(square + Q, self._convergence)
-        )  # N = Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ
+        damped, last = self.singular_damping.at(square), self._convergence
+        if damped is not None:  # Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ
+            last = square @ np.linalg.solve(square + damped[0] * self.singular_damping.weight, last)
         coupling = x.solve_factor(B.T)  # T⁻¹Δ̄ᵀ
         zero = np.zeros((n, 3))
         return Target(
@@ -323,20 +225,3 @@ class HamiltonianServo(VisualServo):
             gradient=np.concatenate([upper.gradient, self.stiffness @ error]),
             port=np.vstack([upper.port, zero.T]),
         )
-
-
-_FADED = 1e-10
-"""Where 1 − λ²/λ₀² is below this, the posture term is left out: N is no longer defined at the singular set."""
-
-
-def _right_inverse_motion(
-    B: Array, B_rate: Array, square: Array, square_rate: Array, wish: Array, wish_rate: Array
-) -> tuple[Array, Array]:
-    """Return s = Bᵀ A⁻¹w and its rate, with A = ``square`` (BBᵀ, damped or not)."""
-    lu, pivots, info = _dgetrf(square)
-    if info:
-        nothing = np.full(B.shape[1], np.nan)  # singular and undamped: the torque is refused as not finite
-        return nothing, nothing
-    y = _dgetrs(lu, pivots, wish)[0]
-    y_rate = _dgetrs(lu, pivots, wish_rate - square_rate.dot(y))[0]
-    return y.dot(B), y.dot(B_rate) + y_rate.dot(B)

@@ -84,6 +84,14 @@ CONTROLLERS: dict[str, Entry] = {
         "q, q̇, external force",
         {"compensate_external_force": True},
     ),
+    "tracking": Entry(TrajectoryTracking, "follows a trajectory", "Theorem 6.1.1, errata E22"),
+    "tracking_measured": Entry(
+        TrajectoryTracking,
+        "the same, with the measured external force cancelled",
+        "Theorem 6.1.1, errata E22",
+        "q, q̇, external force",
+        {"measured": True},
+    ),
     "reduction_servo": Entry(
         ReductionServo,
         "brings an object to where it should be in the image of a camera in the hand, with a constant gain",
@@ -97,14 +105,6 @@ CONTROLLERS: dict[str, Entry] = {
         "Theorem 5.2.3, errata E16 to E19",
         "q, q̇, image features",
         minimum_joints=3,
-    ),
-    "tracking": Entry(TrajectoryTracking, "follows a trajectory", "Theorem 6.1.1, errata E22"),
-    "tracking_measured": Entry(
-        TrajectoryTracking,
-        "the same, with the measured external force cancelled",
-        "Theorem 6.1.1, errata E22",
-        "q, q̇, external force",
-        {"measured": True},
     ),
 }
 

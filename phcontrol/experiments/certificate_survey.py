@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from phcontrol.analysis.certificate import Certificate, certify
-from phcontrol.controllers.registry import CONTROLLERS, laws_for, make_controller
-from phcontrol.exceptions import RobotDescriptionError
+from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
@@ -46,7 +46,7 @@ def every_arm() -> list[str]:
 def survey(
     robots: Iterable[str], laws: Sequence[str], *, form: str = "all", samples: int = 20, seed: int = 0
 ) -> Iterator[SurveyRow]:
-    """Certify laws on arms, one row after another; a description that is refused makes a row that says why.
+    """Certify laws on arms, one row after another; what a description or a law refuses makes a row that says why.
 
     Args:
         robots: names.
@@ -62,13 +62,13 @@ def survey(
             yield SurveyRow(name, 0, "", refused=str(error))
             continue
         for law in laws:
-            if law not in laws_for(system):
-                continue
             forms = CONTROLLERS[law].law.forms if form == "all" else (form,)
-            certificates = tuple(
-                certify(make_controller(law, system, interconnection=each), system, samples=samples, seed=seed)
-                for each in forms
-            )
+            try:
+                made = [make_controller(law, system, interconnection=each) for each in forms]
+            except InvalidArgumentError as error:  # a law that is not for this arm
+                yield SurveyRow(name, system.n, law, refused=str(error))
+                continue
+            certificates = tuple(certify(each, system, samples=samples, seed=seed) for each in made)
             yield SurveyRow(name, system.n, law, certificates)
 
 

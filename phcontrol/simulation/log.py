@@ -423,6 +423,8 @@ class Log:
         names = self.metadata["joint_names"]
         for quantity in ("position", "velocity", "torque", "external_force"):
             columns |= {f"{quantity}/{name}": self._data[quantity][:, i] for i, name in enumerate(names)}
+        if "features" in self._data:
+            columns |= {f"features/{name}": self.features[:, i] for i, name in enumerate(("mu", "nu", "length"))}
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
         columns |= {name: self._derived[name] for name in _DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))

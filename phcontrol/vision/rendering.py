@@ -21,7 +21,8 @@ Image = NDArray[np.uint8]
 
 FACE = (20, 110, 240)
 """Colour of the face that is looked at (blue, green, red)."""
-SIDES = ((120, 70, 40), (100, 60, 35), (80, 50, 30), (60, 40, 25), (50, 30, 20))
+SIDES = ((95, 95, 95), (80, 80, 80), (70, 70, 70), (60, 60, 60), (50, 50, 50))
+"""Colours of the other faces: grey, so that a pixel is as red as it is covered by the seen face."""
 _NEAR = 1e-3  # [m]: what is nearer than this is not drawn
 _SUBPIXEL_BITS = 6
 _FINENESS, _FINE_PIXELS = 8, 4e6  # how much finer than the image the box is drawn, and how many fine pixels at most

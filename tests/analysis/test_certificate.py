@@ -20,10 +20,10 @@ from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from tests.conftest import ARMS, make_system
 
 FORMS = [(law, form) for law, entry in CONTROLLERS.items() for form in entry.law.forms]
-CASES = [(law, form, arm) for arm in ARMS for law in laws_for(make_system(arm)) for form in CONTROLLERS[law].law.forms]
+CASES = [(law, arm, form) for arm in ARMS for law in laws_for(make_system(arm)) for form in CONTROLLERS[law].law.forms]
 
 
-@pytest.mark.parametrize(("law", "form", "arm"), CASES)
+@pytest.mark.parametrize(("law", "arm", "form"), CASES)
 def test_every_law_is_what_it_claims_on_every_arm(law, arm, form):
     certificate = certify(make_controller(law, make_system(arm), interconnection=form), samples=20)
     assert certificate.passed, str(certificate)

@@ -360,6 +360,19 @@ def test_near_the_singular_set_the_damped_law_stays_finite_and_certified(distanc
         assert np.abs(undamped.evaluate(0.0, x, np.zeros(0), Measured(features=features)).torque).max() > 1e5
 
 
+def test_a_start_near_the_singular_set_needs_the_damping():
+    """From one of a scan of random starts: without damping the first step throws the arm about, with it all is well."""
+    system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
+    scene = ObservedObject(PinholeCamera(), [-0.555, -0.056, 1.392])
+    run = {"duration": 5.0, "dt": 5e-3, "q0": [-2.65, 2.30, 2.36], "scene": scene, "torque_limit": None}
+    undamped = make_controller("hamiltonian_servo", system, stiffness=1e3, singular_damping=0.0)
+    with pytest.raises(SimulationError, match="lost its object"):
+        simulate(system, undamped, **run)
+    log = simulate(system, make_controller("hamiltonian_servo", system, stiffness=1e3), **run)
+    np.testing.assert_allclose(log.features[-1], GOAL, atol=2e-6)
+    assert np.abs(log.velocity).max() < 10.0
+
+
 @pytest.mark.parametrize("form", INTERCONNECTIONS)
 def test_near_singularities_of_a_redundant_arm_the_posture_term_fades(form):
     """Features of an object on the arm's own axes: the certificate holds with the posture term too."""

@@ -26,7 +26,7 @@ EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}
 
 
 # these have tests of their own
-NO_POSITION = ("force_control", "tracking", "tracking_measured", "reduction_servo", "hamiltonian_servo")
+NO_POSITION = ("force_control", "reduction_servo", "hamiltonian_servo", "tracking", "tracking_measured")
 POSITION_LAWS = {name: {"stiffness": 60.0} for name in CONTROLLERS if name not in NO_POSITION}
 POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "rest_stiffness": 3.0}
 

@@ -164,14 +164,14 @@ class Own:
 def test_a_trajectory_of_ones_own_is_looked_at():
     good = Reference(*np.zeros((3, 2)))
     assert check_trajectory("trajectory", Own(good), 2).at(0.0) is good
-    for given, complaint in (
+    for reference, complaint in (
         (tuple(good), "must give a Reference at 0 s, but gives tuple"),
         (good._replace(velocity=[0.0, 0.0]), "must give arrays of 2 finite numbers, but its velocity at 0 s is"),
         (good._replace(acceleration=np.zeros(3)), "but its acceleration at 0 s is"),
         (good._replace(position=np.array([0.0, np.nan])), "but its position at 0 s is"),
     ):
         with pytest.raises(InvalidArgumentError, match=complaint):
-            check_trajectory("trajectory", Own(given), 2)
+            check_trajectory("trajectory", Own(reference), 2)
 
 
 @pytest.mark.parametrize(

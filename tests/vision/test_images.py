@@ -31,7 +31,7 @@ def test_what_is_drawn_is_found_below_a_pixel(column, row, length, turn):
     found = extract_features(Renderer(scene).render(pose), CAMERA)
     error = CAMERA.to_pixels(found) - [column, row, length]
     assert np.abs(error[:2]).max() < 0.25
-    # the variance of the lens's blur adds, √(l² + 12) − l; the fine pixels of the drawing and the dark sides the rest
+    # the variance of the lens's blur adds, √(l² + 12) − l; the fine pixels of the drawing the rest
     assert abs(error[2]) < 12.0 / (2.0 * length) + 0.5
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import HamiltonianServo, PHControlError, make_controller, simulate
+from phcontrol import HamiltonianServo, Log, PHControlError, make_controller, simulate
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.observed_object import ObservedObject
@@ -60,6 +60,17 @@ def test_servo_laws_ask_for_something_to_see():
     system = make_system("pera")
     with pytest.raises(ValueError, match=r"scene: hamiltonian_servo needs image features.*scene=ObservedObject"):
         simulate(system, make_controller("hamiltonian_servo", system), duration=0.1)
+
+
+def test_features_are_kept_in_files_and_tables(tmp_path):
+    system = make_system("pera_shoulder_elbow")
+    law = make_controller("hamiltonian_servo", system)
+    scene = FeatureFlow(law.camera, [0.001, 0.002, 0.003], law.object_length)
+    log = simulate(system, law, duration=0.02, scene=scene)
+    loaded = Log.load(log.save(tmp_path / "log.npz"))
+    np.testing.assert_array_equal(loaded.features, log.features)
+    np.testing.assert_array_equal(loaded.body_state, log.body_state)
+    np.testing.assert_array_equal(log.to_dataframe()["features/nu"], log.features[:, 1])
 
 
 def test_a_run_without_scene_has_no_features():
