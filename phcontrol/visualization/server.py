@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import select
-import signal
 import socket
 import subprocess
 import sys
@@ -46,7 +45,7 @@ class PageServer:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=(theirs.fileno(),),
-            preexec_fn=_ignore_interrupt,
+            start_new_session=True,  # the keyboard's interrupt is for the run's own process, which then ends this one
         )
         theirs.close()
         ours.setblocking(False)
@@ -114,11 +113,6 @@ class PageServer:
 
     def __exit__(self, *error: object) -> None:
         self.close()
-
-
-def _ignore_interrupt() -> None:
-    """Leave the keyboard's interrupt to the process of the run, which then ends ours."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def open_browser(address: str) -> bool:
