@@ -65,8 +65,19 @@ class Reproduction:
 
 
 def task_names() -> list[str]:
-    """Return what can be reproduced: the studies in the thesis's order, then the certificates of each arm."""
-    return [*STUDIES, *(f"certificates-{robot}" for robot in CERTIFIED)]
+    """Return what can be reproduced: the thesis's figures in its order, studies of our own, certificates of each arm."""
+    figures = sorted((name for name in STUDIES if _is_figure(name)), key=_number)
+    own = [name for name in STUDIES if not _is_figure(name)]
+    return [*figures, *own, *(f"certificates-{robot}" for robot in CERTIFIED)]
+
+
+def _is_figure(name: str) -> bool:
+    return name.startswith("fig-")
+
+
+def _number(figure: str) -> list[int]:
+    """Return 4, 10 of "fig-4-10"."""
+    return [int(part) for part in figure.split("-")[1:]]
 
 
 def versions() -> dict[str, str]:
@@ -135,7 +146,7 @@ def _finished(folder: Path) -> bool:
 def _run_all(names: list[str], folder: Path, workers: int, disable: bool | None) -> dict[str, str]:
     """Run tasks in processes; return the reasons of those that failed."""
     # what takes longest begins first: the studies of our own are wider than the thesis's figures
-    order = sorted(names, key=lambda name: name.startswith("fig-"))
+    order = sorted(names, key=_is_figure)
     running: set[subprocess.Popen[str]] = set()
     failed: dict[str, str] = {}
     pool = ThreadPoolExecutor(workers)

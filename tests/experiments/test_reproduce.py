@@ -118,7 +118,11 @@ def test_a_task_that_fails_is_named_and_the_others_go_on(tmp_path):
 def test_unknown_tasks_are_listed(tmp_path):
     with pytest.raises(UnknownNameError, match=r"unknown study 'fig-9'.*certificates-pera.*fig-2-3"):
         reproduce(tmp_path, only=["fig-9"])
-    assert len(set(task_names())) == len(task_names())
+    names = task_names()
+    assert len(set(names)) == len(names)
+    figures = [name for name in names if name.startswith("fig-")]
+    assert names[: len(figures)] == figures
+    assert figures.index("fig-2-3") < figures.index("fig-3-1") < figures.index("fig-4-2") < figures.index("fig-4-10")
 
 
 def test_text_from_studies_cannot_break_the_page():
