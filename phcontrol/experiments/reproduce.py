@@ -65,7 +65,7 @@ class Reproduction:
 
 
 def task_names() -> list[str]:
-    """Return what can be reproduced: the thesis's figures in its order, studies of our own, certificates of each arm."""
+    """Return what can be reproduced: the thesis's figures in its order, our own studies, certificates of each arm."""
     figures = sorted((name for name in STUDIES if _is_figure(name)), key=_number)
     own = [name for name in STUDIES if not _is_figure(name)]
     return [*figures, *own, *(f"certificates-{robot}" for robot in CERTIFIED)]
