@@ -19,6 +19,8 @@ from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.controllers.tracking_transformation import TrackingTransformation
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -35,6 +37,7 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
     UnknownNameError,
+    UnreachableTargetError,
 )
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.loading import load_robot
@@ -50,6 +53,12 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
+from phcontrol.trajectories.limits import LimitReport, check_limits
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.vision.extraction import extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
@@ -71,6 +80,7 @@ __all__ = [
     "Command",
     "CompliantBody",
     "Controller",
+    "CubicSpline",
     "DataFileError",
     "Disturbance",
     "EnergyShaping",
@@ -89,10 +99,12 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "LimitReport",
     "Log",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
+    "MinimumJerk",
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
@@ -100,33 +112,44 @@ __all__ = [
     "ObservedObject",
     "PHControlError",
     "PinholeCamera",
+    "Posture",
     "PowerBalance",
     "Pulse",
+    "QuinticSpline",
     "ReductionServo",
+    "Reference",
     "RenderedView",
     "Renderer",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
+    "SampledTrajectory",
     "Schedule",
     "Shaping",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "Sinusoid",
     "SphereContact",
     "Step",
     "StribeckFriction",
     "Target",
     "TotalForceRejection",
+    "TrackingTransformation",
+    "Trajectory",
+    "TrajectoryTracking",
     "UnknownNameError",
+    "UnreachableTargetError",
     "Wrench",
     "__version__",
     "certify",
     "check_canonical_transformation",
+    "check_limits",
     "damping_for_gain",
     "equilibrium",
     "extract_features",
+    "follow",
     "force_control_conditions",
     "goal_posture",
     "interaction_matrix",
@@ -134,5 +157,6 @@ __all__ = [
     "load_robot",
     "make_controller",
     "measured_l2_gain",
+    "reach",
     "simulate",
 ]

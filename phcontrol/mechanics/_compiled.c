@@ -283,6 +283,40 @@ static PyObject *momentum_derivative(PyObject *module, PyObject *const *argument
   return result;
 }
 
+PyDoc_STRVAR(feedback_doc,
+             "feedback(force, stiffness, error, damping, velocity, desired)\n--\n\n"
+             "Return f - K e - C (v - s).");
+static PyObject *feedback(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 6);
+  double *out;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 1, n, "force") || !is_doubles(arguments[1], 2, n, "stiffness") ||
+      !is_doubles(arguments[2], 1, n, "error") || !is_doubles(arguments[3], 2, n, "damping") ||
+      !is_doubles(arguments[4], 1, n, "velocity") || !is_doubles(arguments[5], 1, n, "desired"))
+    return NULL;
+  if (!workspace_open(&space, n * n + 2 * n)) return NULL;
+  double *A = workspace_take(&space, n * n), *e = workspace_take(&space, n), *s = workspace_take(&space, n);
+  PyObject *result = new_vector(n, &out);
+  if (result != NULL) {
+    read_vector(arguments[0], n, out);
+    for (int pass = 0; pass < 2; pass++) { /* the spring, then the damper */
+      read_matrix(arguments[1 + 2 * pass], n, A);
+      read_vector(arguments[2 + 2 * pass], n, e);
+      if (pass == 1) {
+        read_vector(arguments[5], n, s);
+        for (npy_intp i = 0; i < n; i++) e[i] -= s[i];
+      }
+      for (npy_intp i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (npy_intp j = 0; j < n; j++) sum += A[i * n + j] * e[j];
+        out[i] -= sum;
+      }
+    }
+  }
+  workspace_close(&space);
+  return result;
+}
+
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(solve),
@@ -290,6 +324,7 @@ static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(relative_factor_rate),
                                 METHOD(transformed_rate),
                                 METHOD(momentum_derivative),
+                                METHOD(feedback),
                                 {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",

@@ -62,3 +62,10 @@ def momentum_derivative(factor: Array, mass_matrix_derivative: Array, momentum: 
     reduced *= _mask(len(inverse))
     result: Array = -np.ascontiguousarray(reduced.dot(momentum).T)
     return result
+
+
+def feedback(force: Array, stiffness: Array, error: Array, damping: Array, velocity: Array, desired: Array) -> Array:
+    """Return f − K e − C(v − s)."""
+    result: Array = force - stiffness.dot(error)
+    result -= damping.dot(velocity - desired)
+    return result

@@ -71,6 +71,16 @@ def test_relative_factor_rate_is_that_of_a_moving_cholesky_factor(kernels, data,
 
 @every_implementation
 @given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
+def test_feedback_is_a_spring_and_a_damper(kernels, data, layout):
+    stiffness, damping = matrices(data.draw)
+    force, error, velocity, desired = (damping[i % len(damping)] + i for i in range(4))
+    expected = force - stiffness @ error - damping @ (velocity - desired)
+    inputs = [LAYOUTS[layout](array) for array in (force, stiffness, error, damping, velocity, desired)]
+    np.testing.assert_allclose(kernels.feedback(*inputs), expected, rtol=0, atol=1e-10 * np.abs(stiffness).max())
+
+
+@every_implementation
+@given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
 def test_transformed_rate_is_its_definition(kernels, data, layout):
     mass, coriolis = matrices(data.draw)
     factor = np.linalg.cholesky(mass)
@@ -127,6 +137,7 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         lambda: compiled.solve(matrix, np.ones(3, dtype=int)),
         lambda: compiled.transformed_rate(matrix, matrix, vector, None),
         lambda: compiled.momentum_derivative(matrix, matrix, vector),
+        lambda: compiled.feedback(vector, matrix, vector, matrix, vector, np.ones(4)),
     ):
         with pytest.raises(ValueError, match="array"):
             call()
