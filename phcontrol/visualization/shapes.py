@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,27 @@ class Shape:
         if self.faces is not None:
             entry["faces"] = encode(self.faces, np.uint32)
         return entry
+
+
+@dataclass(frozen=True)
+class Node:
+    """A part of the stage that moves as one, with the shapes fixed to it."""
+
+    path: str
+    shapes: list[Shape]
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A force [N] or, along a joint's axis, a moment [N·m]."""
+
+    name: str
+    unit: str
+
+
+def tinted(shapes: Sequence[Shape], color: tuple[float, ...]) -> list[Shape]:
+    """Return the same shapes in one colour."""
+    return [replace(shape, color=color) for shape in shapes]
 
 
 def encode(array: Any, kind: Any) -> str:

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
-from phcontrol.environments.contact_geometry import JointContact, SphereContact, geometry_from_record
+from phcontrol.environments.contact_geometry import JointContact, geometry_from_record
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.loading import robot_from_record
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
-from phcontrol.visualization.shapes import Shape, pose_of, robot_shapes
+from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, robot_shapes, tinted
+from phcontrol.visualization.touched_bodies import JointBody, SphereBody, TouchedBody
 
 GHOST = (0.0, 0.45, 0.70, 0.22)
-BODY = (0.90, 0.55, 0.10, 0.45)
-FORCE = (0.80, 0.10, 0.10, 1.0)
 SIGHT = (0.35, 0.35, 0.40, 1.0)
 OBJECT = (0.10, 0.60, 0.35, 1.0)
 FRUSTUM = 0.12
 """How far in front of the camera its frustum is cut off [m]."""
-PLATE = 0.6
-"""Edge of the square that stands for a plane [m]."""
 
 VALUES: tuple[dict[str, Any], ...] = (
     {"name": "H", "label": "energy H of the arm", "unit": "J", "chart": 0, "color": "#d55e00", "floats": True},
@@ -35,22 +31,6 @@ VALUES: tuple[dict[str, Any], ...] = (
     {"name": "motors", "label": "given by the motors", "unit": "W", "chart": 2, "color": "#7f7f7f"},
 )
 CONTACT_VALUE = {"name": "contact", "label": "contact force", "unit": "N", "chart": 3, "color": "#b01515"}
-
-
-@dataclass(frozen=True)
-class Node:
-    """A part of the stage that moves as one, with the shapes fixed to it."""
-
-    path: str
-    shapes: list[Shape]
-
-
-@dataclass(frozen=True)
-class Arrow:
-    """A force [N] or, along a joint's axis, a moment [N·m]."""
-
-    name: str
-    unit: str
 
 
 class Stage:
@@ -82,7 +62,7 @@ class Stage:
         title: str = "",
     ) -> None:
         self.robot, self.title = robot, title
-        self._data = robot.model.createData()
+        self.data = robot.model.createData()
         self._links = {
             frame.name: index
             for index, frame in enumerate(robot.model.frames)
@@ -91,14 +71,14 @@ class Stage:
         shapes, self.notes = robot_shapes(robot)
         if not any(shapes.values()):
             shapes = self._skeleton()
-        self._shapes = {name: entries for name, entries in shapes.items() if entries and name in self._links}
+        self.link_shapes = {name: entries for name, entries in shapes.items() if entries and name in self._links}
         self.trail = robot.tool_frame or list(self._links)[-1]
-        self.nodes = [Node(f"robot/{link}", entries) for link, entries in self._shapes.items()]
-        moving = [link for link in self._shapes if robot.model.frames[self._links[link]].parentJoint > 0]
+        self.nodes = [Node(f"robot/{link}", entries) for link, entries in self.link_shapes.items()]
+        moving = [link for link in self.link_shapes if robot.model.frames[self._links[link]].parentJoint > 0]
         self._ghosts = moving if goal else []
-        self.nodes += [Node(f"goal/{link}", _tinted(self._shapes[link], GHOST)) for link in self._ghosts]
+        self.nodes += [Node(f"goal/{link}", tinted(self.link_shapes[link], GHOST)) for link in self._ghosts]
         self.arrows: list[Arrow] = []
-        self._contacts: list[_Contact] = []
+        self._contacts: list[TouchedBody] = []
         for number, record in enumerate(bodies):
             self._add_body(number, record)
         self.image: dict[str, Any] | None = None
@@ -108,7 +88,7 @@ class Stage:
             self._add_sight(sight, largest_features)
         self._wrench_frames = tuple(wrench_frames)
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
-        joints_only = bool(self._contacts) and all(isinstance(contact, _JointBody) for contact in self._contacts)
+        joints_only = bool(self._contacts) and all(isinstance(contact, JointBody) for contact in self._contacts)
         self.values = [dict(value) for value in VALUES]
         if bodies:
             self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
@@ -136,12 +116,12 @@ class Stage:
 
     def frame(self, time: float, position: Array, row: Mapping[str, Any]) -> Array:
         """Return one frame, shape (columns,), from the position and what ``Log.derive`` gives."""
-        here = self._placements(position)
+        here = self.placements(position)
         parts: list[Any] = [time]
-        for link in self._shapes:
+        for link in self.link_shapes:
             parts.extend(pose_of(here[link]))
         if self._ghosts:
-            there = self._placements(np.asarray(row["goal"]))
+            there = self.placements(np.asarray(row["goal"]))
             for link in self._ghosts:
                 parts.extend(pose_of(there[link]))
         arrows: list[float] = []
@@ -172,9 +152,10 @@ class Stage:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))
         return np.array(parts, dtype=np.float64)
 
-    def _placements(self, position: Array) -> dict[str, pin.SE3]:
-        pin.framesForwardKinematics(self.robot.model, self._data, self.robot.full_position(position))
-        return {name: self._data.oMf[index].copy() for name, index in self._links.items()}
+    def placements(self, position: Array) -> dict[str, pin.SE3]:
+        """Return where every link is in the world at a position [rad]; leaves the joints' poses in ``data``."""
+        pin.framesForwardKinematics(self.robot.model, self.data, self.robot.full_position(position))
+        return {name: self.data.oMf[index].copy() for name, index in self._links.items()}
 
     # --- what stands in it --------------------------------------------------------------------------
 
@@ -183,12 +164,12 @@ class Stage:
             geometry = geometry_from_record(record["geometry"])
         except (PHControlError, KeyError, TypeError) as error:
             self.notes.append(f"body {number} is not drawn: {error}")
-            self._contacts.append(_Contact())
+            self._contacts.append(TouchedBody())
             return
         contact = (
-            _JointBody(self, number, geometry)
+            JointBody(self, number, geometry)
             if isinstance(geometry, JointContact)
-            else _SphereBody(number, geometry, record["geometry"])
+            else SphereBody(number, geometry, record["geometry"])
         )
         self._contacts.append(contact)
         self.nodes += contact.nodes
@@ -271,89 +252,6 @@ class Stage:
             "image": self.image,
             "notes": self.notes,
         }
-
-
-class _Contact:
-    """What is drawn of a touched body; nothing, for one that cannot be."""
-
-    def __init__(self) -> None:
-        self.nodes: list[Node] = []
-        self.arrows: list[Arrow] = []
-
-    def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
-    ) -> tuple[list[float], list[float]]:
-        """Return the poses of its nodes and its arrow."""
-        return [], []
-
-
-class _JointBody(_Contact):
-    """A body in a joint's way: the links that the joint moves, where they meet it; its force along the joint's axis."""
-
-    def __init__(self, stage: Stage, number: int, geometry: JointContact) -> None:
-        super().__init__()
-        self.geometry, robot = geometry, stage.robot
-        self.index = robot.joint_index(geometry.joint)
-        moved = np.array(robot.home)
-        moved[self.index] += 0.1
-        before, after = stage._placements(np.array(robot.home)), stage._placements(moved)
-        self.links = [name for name in stage._shapes if not before[name].isApprox(after[name], 1e-9)]
-        self.nodes = [Node(f"bodies/{number}/{name}", _tinted(stage._shapes[name], BODY)) for name in self.links]
-        self.arrows = [Arrow(f"contact moment on {geometry.joint}", "N·m")]
-        self.joint = robot.model.getJointId(geometry.joint)
-        column = pin.computeJointJacobians(robot.model, stage._data, robot.full_position(moved))[
-            :, robot.model.joints[self.joint].idx_v
-        ]
-        world = column[3:] if np.any(column[3:]) else column[:3]  # turns about its axis, or slides along it
-        self.axis = stage._data.oMi[self.joint].rotation.T @ world
-
-    def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
-    ) -> tuple[list[float], list[float]]:
-        sign = 1.0 if self.geometry.side == "below" else -1.0
-        touching = np.array(position)
-        touching[self.index] = self.geometry.position - sign * depth
-        there = stage._placements(touching)
-        poses = [value for name in self.links for value in pose_of(there[name])]
-        at_joint = stage._data.oMi[self.joint]
-        return poses, [*at_joint.translation, *(sign * force * (at_joint.rotation @ self.axis))]
-
-
-class _SphereBody(_Contact):
-    """A shape in space and the fingertip that touches it."""
-
-    def __init__(self, number: int, geometry: SphereContact, record: Mapping[str, Any]) -> None:
-        super().__init__()
-        self.geometry = geometry
-        kind = record["shape"]
-        place = pose_of(pin.SE3(geometry.rotation, geometry.position))
-        if kind == "plane":
-            shape = Shape("box", (PLATE, PLATE, 0.01), BODY, (0.0, 0.0, -0.005, 0.0, 0.0, 0.0, 1.0))
-        elif kind == "mesh":
-            from phcontrol.visualization.shapes import read_mesh
-
-            points, faces, _ = read_mesh(record["path"])[0]
-            shape = Shape("mesh", (), BODY, points=points, faces=faces)
-        else:
-            size = record["size"]
-            shape = Shape(kind, tuple(size) if isinstance(size, list) else (size,), BODY)
-        self.place = place
-        tip = Shape("sphere", (geometry.radius,), (0.2, 0.2, 0.2, 1.0))
-        self.nodes = [Node(f"bodies/{number}/shape", [shape]), Node(f"bodies/{number}/tip", [tip])]
-        self.arrows = [Arrow(f"contact force on {geometry.frame}", "N")]
-
-    def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
-    ) -> tuple[list[float], list[float]]:
-        centre = here[self.geometry.frame]
-        away = self.geometry.meet(centre.translation)[1]
-        place = np.array(self.place)
-        place[:3] -= depth * away
-        return [*place, *pose_of(centre)], [*centre.translation, *(force * away)]
-
-
-def _tinted(shapes: Sequence[Shape], color: tuple[float, ...]) -> list[Shape]:
-    return [replace(shape, color=color) for shape in shapes]
 
 
 def _corners(shape: Shape) -> Array:
