@@ -30,15 +30,15 @@ def factor(mass_matrix: Array) -> Array:
     return result
 
 
-def solve(factor: Array, vector: Array) -> Array:
-    """Return T⁻¹b."""
-    result: Array = _dtrtrs(factor, vector, 1)[0]
+def solve(factor: Array, right: Array) -> Array:
+    """Return T⁻¹b for a vector or the columns of a matrix."""
+    result: Array = _dtrtrs(factor, right, 1)[0]
     return result
 
 
-def solve_transposed(factor: Array, vector: Array) -> Array:
-    """Return T⁻ᵀb."""
-    result: Array = _dtrtrs(factor, vector, 1, 1)[0]
+def solve_transposed(factor: Array, right: Array) -> Array:
+    """Return T⁻ᵀb for a vector or the columns of a matrix."""
+    result: Array = _dtrtrs(factor, right, 1, 1)[0]
     return result
 
 

@@ -5,7 +5,7 @@ dozen calls of a microsecond each. With T lower triangular, M = T Tᵀ, and Φ(X
 diagonal halved:
 
     factor(M)                            T; ArithmeticError unless M is positive definite
-    solve(T, b), solve_transposed(T, b)  T⁻¹b, T⁻ᵀb for a vector b
+    solve(T, b), solve_transposed(T, b)  T⁻¹b, T⁻ᵀb for a vector or the columns of a matrix b
     relative_factor_rate(T, C)           T⁻¹Ṫ = Φ(T⁻¹(C + Cᵀ)T⁻ᵀ)
     transformed_rate(T, C, s, f)         Ṫᵀs + T⁻¹(f − C s)
     momentum_derivative(T, ∂M/∂q, p̄)     P = ∂(T⁻¹p)/∂q: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
@@ -219,17 +218,11 @@ class MechanicalState:
 
     def solve_factor(self, force: Array) -> Array:
         """Return T⁻¹f for a vector or the columns of a matrix."""
-        if force.ndim == 1:
-            return _solve(self.factor, force)
-        result: Array = lapack.dtrtrs(self.factor, force, 1)[0]
-        return result
+        return _solve(self.factor, force)
 
     def solve_factor_transposed(self, momentum: Array) -> Array:
         """Return T⁻ᵀp̄ for a vector or the columns of a matrix."""
-        if momentum.ndim == 1:
-            return _solve_transposed(self.factor, momentum)
-        result: Array = lapack.dtrtrs(self.factor, momentum, 1, 1)[0]
-        return result
+        return _solve_transposed(self.factor, momentum)
 
     @lazy
     def transformed_momentum(self) -> Array:

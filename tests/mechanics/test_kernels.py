@@ -52,11 +52,12 @@ def test_factor_is_the_cholesky_factor(kernels, data, layout):
 @given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
 def test_solves_undo_products(kernels, data, layout):
     mass, coriolis = matrices(data.draw)
-    factor, vector = np.linalg.cholesky(mass), coriolis[0]
-    forward = kernels.solve(LAYOUTS[layout](factor), LAYOUTS[layout](vector))
-    backward = kernels.solve_transposed(LAYOUTS[layout](factor), LAYOUTS[layout](vector))
-    np.testing.assert_allclose(factor @ forward, vector, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(factor.T @ backward, vector, rtol=0, atol=1e-12)
+    factor = np.linalg.cholesky(mass)
+    for right in (coriolis[0], coriolis, coriolis[:, : (len(mass) + 1) // 2], coriolis[:, :0]):
+        forward = kernels.solve(LAYOUTS[layout](factor), LAYOUTS[layout](right))
+        backward = kernels.solve_transposed(LAYOUTS[layout](factor), LAYOUTS[layout](right))
+        np.testing.assert_allclose(factor @ forward, right, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(factor.T @ backward, right, rtol=0, atol=1e-12)
 
 
 @every_implementation
@@ -133,7 +134,9 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         lambda: compiled.factor(np.float64(1.0)),
         lambda: compiled.factor(np.eye(3).astype(">f8")),
         lambda: compiled.solve(matrix, np.ones(4)),
-        lambda: compiled.solve(matrix, np.ones((3, 1))),
+        lambda: compiled.solve(matrix, np.ones((4, 3))),
+        lambda: compiled.solve(matrix, np.ones((3, 1, 1))),
+        lambda: compiled.solve_transposed(matrix, None),
         lambda: compiled.solve(matrix, np.ones(3, dtype=int)),
         lambda: compiled.transformed_rate(matrix, matrix, vector, None),
         lambda: compiled.momentum_derivative(matrix, matrix, vector),
