@@ -87,8 +87,7 @@ class LiveView:
     def linger(self, log: Log) -> None:
         """Finish, and go on serving until interrupted from the keyboard."""
         self.finish(log)
-        print(f"the run can be played again at {self.server.address}; press Ctrl-C to stop", flush=True)
-        self.server.wait()
+        self.server.wait(f"the run can be played again at {self.server.address}; press Ctrl-C to stop")
 
     def close(self) -> None:
         """Stop serving the page."""

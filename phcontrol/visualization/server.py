@@ -90,9 +90,10 @@ class PageServer:
         ready, _, _ = select.select([self._process.stdout], [], [], timeout)
         return bool(ready) and self._process.stdout.readline().startswith(b"connected")
 
-    def wait(self) -> None:
-        """Serve until interrupted from the keyboard."""
+    def wait(self, message: str) -> None:
+        """Print a message and serve until interrupted from the keyboard, which may be as soon as it is read."""
         with contextlib.suppress(KeyboardInterrupt):
+            print(message, flush=True)
             self._process.wait()
 
     def close(self) -> None:
@@ -146,5 +147,4 @@ def view(page: str, *, port: int | None = None) -> None:
     with PageServer(port) as server:
         server.publish(page)
         announce_page(server)
-        print("press Ctrl-C to stop", flush=True)
-        server.wait()
+        server.wait("press Ctrl-C to stop")
