@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.controller import Controller, Shaping, Target
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -97,6 +97,12 @@ class DynamicExtension(Controller):
     def _adapted_momentum(self, x: MechanicalState, state: Array) -> Array:
         momentum: Array = x.transformed_momentum - self.coupling.dot(state)
         return momentum
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return ŷ and q̇ᵀD q̇ + ŷᵀC ŷ."""
+        velocity = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
+        return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (position coordinates, p̂, z)."""

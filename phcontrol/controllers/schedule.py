@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array, number
-from phcontrol.controllers.controller import Command, Controller, Shaping, Target
+from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -96,6 +96,11 @@ class Schedule(Controller):
         """Return the active law's storage function [J]."""
         law, part = self._part(t, state)
         return law.storage(t, x, part, measured)
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return the active law's port."""
+        law, part = self._part(t, state)
+        return law.passive_port(t, x, part, measured)
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return the active law's coordinates."""
