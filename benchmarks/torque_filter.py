@@ -77,7 +77,9 @@ def table(title: str, system: MechanicalSystem, torque_rate: float | None, steps
         verdict = ""
         if name.startswith("filter"):
             verdict = f"  budget {BUDGET:g} µs {'met' if median <= 1e3 * BUDGET else 'MISSED'}"
-        print(f"{name:<32}{len(values):>7}{median / 1e3:>8.1f} µs{late / 1e3:>8.1f} µs{median / reference:>8.1f}{verdict}")
+        print(
+            f"{name:<32}{len(values):>7}{median / 1e3:>8.1f} µs{late / 1e3:>8.1f} µs{median / reference:>8.1f}{verdict}"
+        )
 
 
 if __name__ == "__main__":

@@ -39,6 +39,8 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.safety.limits import Limits
+from phcontrol.safety.torque_filter import FilteredTorque, FilterStatus, TorqueFilter
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -61,6 +63,8 @@ __all__ = [
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "FilterStatus",
+    "FilteredTorque",
     "ForceControl",
     "ForceFeedback",
     "ForceRegulation",
@@ -72,6 +76,7 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "Limits",
     "Log",
     "Measured",
     "MechanicalState",
@@ -95,6 +100,7 @@ __all__ = [
     "Step",
     "StribeckFriction",
     "Target",
+    "TorqueFilter",
     "TotalForceRejection",
     "UnknownNameError",
     "Wrench",

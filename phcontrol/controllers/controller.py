@@ -34,7 +34,7 @@ class Command(NamedTuple):
 
 
 class PassivePort(NamedTuple):
-    """Through what a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★)."""
+    """How a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★)."""
 
     output: Array
     """ŷ = Ḡᵀp̂, shape (n,) [rad/s]."""

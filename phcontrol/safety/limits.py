@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, finite_array, number, positive
+from phcontrol._validation import Array, finite_array, number
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
 
@@ -165,5 +164,3 @@ def _broadcast(name: str, value: ArrayLike, n: int) -> Array:
 def _check_word(name: str, value: str) -> None:
     if value != "robot":
         raise InvalidArgumentError(name, f"must be 'robot' or numbers, but is '{value}'")
-
-

@@ -12,7 +12,7 @@ from phcontrol._validation import Array
 ACCURACY = 1e-10
 """What is asked of the solver, in scaled units."""
 ACCEPTED = 1e-10
-"""The largest residual of an answer that is believed, in scaled units (relative to the gradient where that is large)."""
+"""The largest residual of an answer that is believed, in scaled units (relative to a large gradient)."""
 
 _MOST_ITERATIONS = 60
 _LARGE_GRADIENT = 20.0  # from which the objective is scaled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,8 +77,8 @@ class TorqueFilter:
 
     v⁺ = q̇ + h(M + hD)⁻¹(G u + f_e − C q̇ − D q̇ − ∂V/∂q) is the velocity after one period h, and its bounds are those of
     :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position limits.
-    Along the loop Ḣ_d = −∇H_dᵀR_d∇H_d + ŷᵀ(u − u★) + (power of f_e), so by 4 the storage function still does not grow by
-    itself.
+    Along the loop Ḣ_d = −∇H_dᵀR_d∇H_d + ŷᵀ(u − u★) + (power of f_e), so by 4 the storage function still does not grow
+    by itself.
 
     Where 3 cannot be kept with 1 and 2, its bounds are widened to what the braking torque reaches: the torque that
     would bring q̇ into the bounds (or damps it), clipped. So 1 to 3 always have a solution. Where 4 cannot be
@@ -318,9 +318,7 @@ class TorqueFilter:
                 return direction / length, length
         return np.zeros(self.system.n), 0.0
 
-    def _answer(
-        self, problem: Problem, possible: bool, direction: Array | None
-    ) -> tuple[FilterStatus, Array | None]:
+    def _answer(self, problem: Problem, possible: bool, direction: Array | None) -> tuple[FilterStatus, Array | None]:
         """Return z and how it was found. ``possible``: whether effort and rate alone allow the last row."""
         answer = self._program.solve(problem) if possible else None
         if answer is not None:

@@ -20,10 +20,12 @@ from phcontrol.environments.body import Body
 from phcontrol.exceptions import InvalidArgumentError, PHControlError, SimulationError, SimulationInterrupted
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.sampled_control import check_filter
 from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
 
 
@@ -40,6 +42,7 @@ def simulate(
     integrator: str = "rk4",
     control_period: float | None = None,
     torque_limit: Literal["robot"] | ArrayLike | None = "robot",
+    torque_filter: TorqueFilter | None = None,
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
     progress: bool | None = None,
@@ -61,6 +64,8 @@ def simulate(
             advances by one Euler step a period. A whole multiple of dt.
         torque_limit: "robot" clips each torque to the joint's effort limit as the motors would; an
             array gives other limits [N·m]; None clips nothing. ``Log.saturated`` says where it acted.
+        torque_filter: keeps the arm inside its limits, see :class:`TorqueFilter`; control is then sampled at the
+            filter's period. ``Log.filter_activity`` says what it did.
         sensors: what shows the controller the forces, each updated at the start of a step (or at its own period)
             and held until the next. By default every needed measurement is the truth, at every instant.
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
@@ -80,6 +85,10 @@ def simulate(
     state = controller.initial_state(controller.system.at(position, velocity))
     if controller_state0 is not None:
         state = vector("controller_state0", controller_state0, state.size)
+    if torque_filter is not None:
+        control_period = torque_filter.period if control_period is None else control_period
+        check_filter(torque_filter, controller, control_period)
+        torque_filter.reset()
     loop = ClosedLoop(
         system,
         controller,
@@ -87,6 +96,7 @@ def simulate(
         _torque_limit(torque_limit, system),
         control_period,
         bodies,
+        torque_filter,
     )
     body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
     instruments = Instruments(sensors or (), dt) if sensors is not None else None
@@ -124,6 +134,8 @@ def simulate(
                     y = loop.sample(t, y)
                 rate = loop.rate(t, y)
                 log.record(k, t, y, loop.torque, loop.external_force)
+                if torque_filter is not None:
+                    log.record_filter(k, loop)
                 if instruments is not None:
                     instruments.applied(loop.torque)
                 if k % 100 == 0:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FORMAT = "phcontrol-log-1"
 _RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
-_MEASURED = "measured_"
+_MEASURED, _FILTER = "measured_", "filter_"
 _DERIVED = (
     "kinetic_energy",
     "potential_energy",
@@ -118,6 +118,9 @@ class Log:
             "external_force": np.zeros((samples, n)),
         }
         data |= {f"{_MEASURED}{quantity}": np.zeros((samples, n)) for quantity in measured}
+        if loop.sampled is not None and loop.sampled.filter is not None:
+            data[f"{_FILTER}wished_torque"] = np.zeros((samples, n))
+            data |= {f"{_FILTER}{name}": np.zeros(samples) for name in ("status", "motion_excess", "storage_excess")}
         log = cls(data, metadata, loop)
         log._length, log._states = 0, states
         return log
@@ -136,6 +139,16 @@ class Log:
         for quantity, value in measured._asdict().items():
             if value is not None:
                 self._data[f"{_MEASURED}{quantity}"][k] = value
+
+    def record_filter(self, k: int, loop: ClosedLoop) -> None:
+        """Write what the torque filter did in the period of sample k."""
+        sampled, data = loop.sampled, self._data
+        assert sampled is not None
+        assert sampled.filtered is not None
+        data[f"{_FILTER}wished_torque"][k] = sampled.wished
+        data[f"{_FILTER}status"][k] = sampled.filtered.status
+        data[f"{_FILTER}motion_excess"][k] = sampled.filtered.motion_excess
+        data[f"{_FILTER}storage_excess"][k] = sampled.filtered.storage_excess
 
     def truncated(self) -> Log:
         """Return the part that was recorded."""
@@ -189,6 +202,16 @@ class Log:
     def measured(self) -> dict[str, Array]:
         """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
         return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
+
+    @property
+    def filter_activity(self) -> dict[str, Array]:
+        """What the torque filter did, by name; empty without one.
+
+        "wished_torque" (N, n): what the law wished [N·m]; "status" (N,): a ``FilterStatus`` each;
+        "motion_excess" (N,): predicted velocity beyond its bounds [rad/s]; "storage_excess" (N,): power given to H_d
+        beyond what the law was dissipating [W].
+        """
+        return {name[len(_FILTER) :]: array for name, array in self._data.items() if name.startswith(_FILTER)}
 
     # --- derived ------------------------------------------------------------------------------------
 
@@ -338,7 +361,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
-        kept = [name for name in self._data if name in _RECORDED or name.startswith(_MEASURED)]
+        kept = [name for name in self._data if name in _RECORDED or name.startswith((_MEASURED, _FILTER))]
         data = {name: self._data[name] for name in kept} | self._derived
         limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
         metadata = self.metadata | {"format": FORMAT}

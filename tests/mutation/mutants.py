@@ -35,6 +35,7 @@ SLIPS = {
     "Lt_LtE", "Lt_Gt", "LtE_Lt", "LtE_GtE", "Gt_GtE", "Gt_Lt", "GtE_Gt", "GtE_LtE", "Eq_NotEq", "NotEq_Eq", "Is_IsNot",
     "IsNot_Is", "Delete_USub", "Delete_Not",
 }  # fmt: skip
+PYTEST = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 TIMEOUT = 180  # [s]
 TESTS = {
     "mechanics": ["tests/mechanics", "tests/analysis/test_certificate.py", "tests/controllers"],
@@ -76,8 +77,9 @@ def annotations(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
         parts: list[ast.AST | None] = []
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             arguments = node.args
-            everything = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, arguments.vararg, arguments.kwarg]
-            parts = [node.returns, *(argument.annotation for argument in everything if argument is not None)]
+            everything = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+            everything += [argument for argument in (arguments.vararg, arguments.kwarg) if argument]
+            parts = [node.returns, *(argument.annotation for argument in everything)]
         elif isinstance(node, ast.AnnAssign):
             parts = [node.annotation]
         elif isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
@@ -125,7 +127,7 @@ def try_mutant(root: Path, tests: list[str]) -> int:
 
             code = 3
             with contextlib.suppress(Exception):
-                code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning", "--rootdir", str(root), *tests]))
+                code = int(pytest.main([*PYTEST, "--rootdir", str(root), *tests]))
         os._exit(code)
     deadline = time.monotonic() + TIMEOUT
     while time.monotonic() < deadline:
@@ -145,8 +147,8 @@ def preload() -> None:
     import pandas  # noqa: F401
     import pinocchio  # noqa: F401
     import proxsuite  # noqa: F401
-    import scipy.integrate  # noqa: F401
-    import scipy.linalg  # noqa: F401
+    import scipy.integrate
+    import scipy.linalg
     import scipy.optimize  # noqa: F401
     import tqdm  # noqa: F401
     import typer.testing  # noqa: F401

@@ -2,8 +2,8 @@
 
     python -m tests.safety.random_cases --cases 1000000 --seed 1
 
-Everything the filter computes is computed here a second time, in torques that are not scaled, from Pinocchio's M, C and g:
-the predicted velocity, its bounds, the braking torque, and the answer.
+Everything the filter computes is computed here a second time, in torques that are not scaled, from Pinocchio's M, C
+and g: the predicted velocity, its bounds, the braking torque, and the answer.
 """
 
 from __future__ import annotations
