@@ -18,6 +18,7 @@ from timing import interleaved
 
 from phcontrol import Measured, MechanicalSystem, load_robot, make_controller
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.mechanics.kernels import KERNELS
 from phcontrol.mechanics.state import INTERCONNECTIONS
 
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
@@ -34,6 +35,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=200, help="rounds of 20 calls each")
     rounds = parser.parse_args().rounds
+    print(f"kernels: {KERNELS}")
     for title, system in {
         "panda, fingers locked (viscous friction)": MechanicalSystem(load_robot("panda", locked_joints=FINGERS)),
         "pera (Coulomb and viscous friction)": MechanicalSystem(load_robot("pera")),

@@ -3,6 +3,7 @@
 from phcontrol._version import __version__
 from phcontrol.analysis.certificate import Certificate, certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
+from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Command, Controller, Shaping, Target
@@ -65,6 +66,7 @@ __all__ = [
     "Equilibrium",
     "FilterStatus",
     "FilteredTorque",
+    "ForceConditions",
     "ForceControl",
     "ForceFeedback",
     "ForceRegulation",
@@ -109,6 +111,7 @@ __all__ = [
     "check_canonical_transformation",
     "damping_for_gain",
     "equilibrium",
+    "force_control_conditions",
     "l2_gain",
     "load_robot",
     "make_controller",

@@ -148,6 +148,14 @@ class Controller(ABC):
         output = x.input_matrix.T.dot(lapack.dpotrs(x.factor, slope, 1)[0])
         return PassivePort(output, float(target.gradient.dot(target.dissipation.dot(target.gradient))))
 
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the law's own state that makes H_d smallest at a state of the arm; the same if it has no such form.
+
+        Where limits hold the arm back, moving the law's state towards it takes energy out of H_d again: a state that
+        integrates forces does not wind up.
+        """
+        return state
+
     @property
     def state_parts(self) -> dict[str, int]:
         """Lengths of the parts of the controller's own state, by name, in their order."""

@@ -47,6 +47,8 @@ class DynamicExtension(Controller):
         self._negative_coupling = -self.coupling
         self._port = self.coupling @ self.force_gain  # Y
         self._storage_gain = np.linalg.inv(self.force_gain)  # K_z⁻¹, once
+        A = self.coupling
+        self._calming: Array = np.linalg.solve(A.T @ A + self._storage_gain, A.T)
 
     @abstractmethod
     def pull(self, x: MechanicalState) -> Array:
@@ -103,6 +105,10 @@ class DynamicExtension(Controller):
         velocity = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
         output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
         return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄, where ½|p̄ − A z|² + ½zᵀK_z⁻¹z is smallest."""
+        return self._calming.dot(x.transformed_momentum)
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (position coordinates, p̂, z)."""

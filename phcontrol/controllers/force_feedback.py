@@ -65,6 +65,7 @@ class ForceFeedback(DynamicExtension):
         )
         self.goal = vector("goal", goal, system.n)
         self.stiffness = gain("stiffness", stiffness, system.n)
+        self._negative_stiffness = -self.stiffness
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
@@ -74,7 +75,7 @@ class ForceFeedback(DynamicExtension):
 
     def pull(self, x: MechanicalState) -> Array:
         """Return −K_p q̃ [N·m]."""
-        pull: Array = self.stiffness.dot(-x.position_error(self.goal))
+        pull: Array = self._negative_stiffness.dot(x.position_error(self.goal))
         return pull
 
     def potential(self, x: MechanicalState) -> float:

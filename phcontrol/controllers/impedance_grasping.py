@@ -128,6 +128,15 @@ class ImpedanceGrasping(Controller):
             power += adapted.dot(x.damping * adapted)
         return PassivePort(output, float(power))
 
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the rest length where ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl is smallest."""
+        error, _ = self._split(x, state)
+        M, K = x.mass_matrix, self.stiffness
+        # with p̂ = Tᵀ(q̇ + K(d − r)): −K M(q̇ + K(d − r)) − K(d − r) + K_rl r = 0
+        left = K @ M @ K + K + self.rest_stiffness
+        right = K.dot(M.dot(x.velocity + K.dot(error)) + error)
+        return np.concatenate([np.linalg.solve(left, right), state[self.system.n :]])
+
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q − q_f, p̂, q_rl)."""
         error, rest = self._split(x, state)

@@ -116,6 +116,11 @@ class IntegralAction(ForceFeedback):
             power += shifted.dot(x.damping * shifted)
         return PassivePort(output, float(power))
 
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the z that makes ½|p̃|² + ½zᵀK_z⁻¹z smallest, and ξ as it is: it holds the load."""
+        shifted = x.velocity + self.integral_gain.dot(x.position_error(self.goal))
+        return np.concatenate([self._calming.dot(shifted.dot(x.factor)), self._split(state)[1]])
+
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q̃, p̃, z, ξ)."""
         n = x.system.n

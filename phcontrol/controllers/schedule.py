@@ -102,6 +102,13 @@ class Schedule(Controller):
         law, part = self._part(t, state)
         return law.passive_port(t, x, part, measured)
 
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the active law's calmest state; the other parts are held."""
+        law, part = self._part(t, state)
+        calm = state.copy()
+        calm[self._places[self._index(t)]] = law.calmest_state(t, x, part)
+        return calm
+
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return the active law's coordinates."""
         law, part = self._part(t, state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -55,6 +56,7 @@ class StribeckFriction:
         self._excess = self.static - self.coulomb
         self._has_stribeck = bool(self._excess.any())
         self._is_viscous = not (self.coulomb.any() or self._has_stribeck)
+        self._smoothing_velocity = math.sqrt(self.smoothing)
         self._negative_rate = -1.0 / self.stribeck_velocity
 
     def coefficients(self, velocity: Array) -> Array:
@@ -64,9 +66,7 @@ class StribeckFriction:
         dry = self.coulomb
         if self._has_stribeck:
             dry = dry + self._excess * np.exp(np.abs(velocity) * self._negative_rate)
-        coefficients: Array = velocity * velocity
-        coefficients += self.smoothing
-        np.sqrt(coefficients, coefficients)
+        coefficients: Array = np.hypot(velocity, self._smoothing_velocity)
         np.divide(dry, coefficients, coefficients)
         coefficients += self.viscous
         return coefficients

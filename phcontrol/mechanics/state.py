@@ -11,7 +11,7 @@ from scipy.linalg import lapack
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics import derivatives
+from phcontrol.mechanics import derivatives, kernels
 from phcontrol.mechanics.robot import REFERENCES
 
 if TYPE_CHECKING:
@@ -21,7 +21,8 @@ INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
 
 _crba, _coriolis, _gravity, _aba = pin.crba, pin.computeCoriolisMatrix, pin.computeGeneralizedGravity, pin.aba
-_dpotrf, _dtrtrs, _dtrtri, _dsygst = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst
+_factor, _solve, _solve_transposed = kernels.factor, kernels.solve, kernels.solve_transposed
+_transformed_rate = kernels.transformed_rate
 
 
 class MechanicalState:
@@ -188,20 +189,24 @@ class MechanicalState:
     @lazy
     def factor(self) -> Array:
         """T(q), shape (n, n), lower triangular with positive diagonal: M = T Tᵀ (2.33)."""
-        factor, info = _dpotrf(self.mass_matrix.T, 1, 1)  # lower, zeros above
-        if info:
-            raise InvalidArgumentError("position", f"the mass matrix is not positive definite at {self.position}")
-        result: Array = factor
-        return result
+        try:
+            return _factor(self.mass_matrix)
+        except ArithmeticError:
+            message = f"the mass matrix is not positive definite at {self.position}"
+            raise InvalidArgumentError("position", message) from None
 
     def solve_factor(self, force: Array) -> Array:
         """Return T⁻¹f for a vector or the columns of a matrix."""
-        result: Array = _dtrtrs(self.factor, force, 1)[0]
+        if force.ndim == 1:
+            return _solve(self.factor, force)
+        result: Array = lapack.dtrtrs(self.factor, force, 1)[0]
         return result
 
     def solve_factor_transposed(self, momentum: Array) -> Array:
         """Return T⁻ᵀp̄ for a vector or the columns of a matrix."""
-        result: Array = _dtrtrs(self.factor, momentum, 1, 1)[0]
+        if momentum.ndim == 1:
+            return _solve_transposed(self.factor, momentum)
+        result: Array = lapack.dtrtrs(self.factor, momentum, 1, 1)[0]
         return result
 
     @lazy
@@ -213,10 +218,7 @@ class MechanicalState:
     @lazy
     def _relative_factor_rate(self) -> Array:
         """T⁻¹Ṫ = Φ(T⁻¹Ṁ T⁻ᵀ), lower triangular."""
-        coriolis = self.coriolis_matrix
-        rate: Array = _dsygst(coriolis + coriolis.T, self.factor, 1, 1)[0]  # fills the lower triangle only
-        rate *= self.system.lower_half_mask
-        return rate
+        return kernels.relative_factor_rate(self.factor, self.coriolis_matrix)
 
     @lazy
     def factor_rate(self) -> Array:
@@ -240,22 +242,16 @@ class MechanicalState:
         Both choices of J̄₂ agree on p̄, so this has no choice to make: it is
         Ṫᵀq̇ + T⁻¹(f − C q̇ − D q̇).
         """
-        factor, relative_rate = self.factor, self._relative_factor_rate
-        remaining = force - self.coriolis_matrix.dot(self.velocity)
         if self.system.friction is not None:
-            remaining -= self.friction_torque
-        rate: Array = self.velocity.dot(factor).dot(relative_rate)
-        rate += _dtrtrs(factor, remaining, 1)[0]
-        return rate
+            force = force - self.friction_torque
+        return _transformed_rate(self.factor, self.coriolis_matrix, self.velocity, force)
 
     def structure_rate(self, form: str, velocity: Array) -> Array:
         """Return (J̄₂ − D̄)Tᵀs for a velocity s [rad/s] and a form of J̄₂, shape (n,)."""
-        momentum: Array = velocity.dot(self.factor)
         losses = np.zeros(self.system.n) if self.damping is None else self.damping * velocity
         if form == "coriolis":
-            rate: Array = momentum.dot(self._relative_factor_rate)
-            return rate - self.solve_factor(self.coriolis_matrix.dot(velocity) + losses)
-        rate = self.interconnection(form).dot(momentum)
+            return _transformed_rate(self.factor, self.coriolis_matrix, velocity, -losses)
+        rate: Array = self.interconnection(form).dot(velocity.dot(self.factor))
         return rate - self.solve_factor(losses)
 
     @lazy
@@ -275,11 +271,7 @@ class MechanicalState:
     @lazy
     def momentum_derivative(self) -> Array:
         """P = ∂(T⁻¹p)/∂q at constant p, shape (n, n): column k is −T⁻¹(∂T/∂q_k)p̄ = −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄."""
-        inverse = _dtrtri(self.factor, lower=1)[0]
-        reduced = inverse @ self.mass_matrix_derivative @ inverse.T
-        reduced *= self.system.lower_half_mask
-        result: Array = -reduced.dot(self.transformed_momentum).T
-        return result
+        return kernels.momentum_derivative(self.factor, self.mass_matrix_derivative, self.transformed_momentum)
 
     def interconnection(self, form: str) -> Array:
         """Return J̄₂ in the form "coriolis" or "canonical", shape (n, n)."""

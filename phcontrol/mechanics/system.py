@@ -14,7 +14,6 @@ from scipy.linalg import lapack
 from phcontrol._validation import Array, matrix, vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.coupled_state import CoupledMechanicalState
-from phcontrol.mechanics.derivatives import lower_half
 from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import Robot
@@ -70,7 +69,6 @@ class MechanicalSystem:
         self.data: pin.Data = self.model.createData()
         self.coupling = robot.coupling
         self.has_continuous_joints = bool(robot.continuous.any())
-        self.lower_half_mask: Array = np.asfortranarray(lower_half(np.ones((self.n, self.n))))
         self.state_type = MechanicalState if self.coupling is None else CoupledMechanicalState
         self._shape = (self.n,)
         self._frame_ids: dict[str, int] = {}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from phcontrol._validation import Array
@@ -16,7 +18,8 @@ class SampledControl:
     """Computes the torque of a law once a period, to be held until the next.
 
     The law's own state advances by one Euler step a period. The torque passes the torque filter, or is clipped
-    to the torque limit.
+    to the torque limit. Where the filter had to give H_d more than the law was dissipating, the law's state is moved
+    towards ``Controller.calmest_state`` until that energy is taken out again.
 
     Args:
         controller: the law.
@@ -57,11 +60,26 @@ class SampledControl:
         else:
             port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
             torque = self.pass_filter(x, self.wished, measured, port)
+            if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
+                self._calm(t, x, state, measured, self.period * self.filtered.storage_excess)
         limit = self.torque_limit
         if limit is not None:
             torque = np.maximum(np.minimum(torque, limit), -limit)
         self.torque = torque
         return torque
+
+    def _calm(self, t: float, x: MechanicalState, state: Array, measured: Measured, energy: float) -> None:
+        """Move the law's state towards its calmest, until H_d is smaller by an energy [J] or smallest.
+
+        Along that line H_d is a parabola: a step λ of the way takes (2λ − λ²) of what can be taken.
+        """
+        law = self.controller
+        calm = law.calmest_state(t, x, state)
+        available = law.storage(t, x, state, measured) - law.storage(t, x, calm, measured)
+        if available > 0.0:
+            part = 1.0 - math.sqrt(1.0 - min(1.0, energy / available))
+            assert self._held_rate is not None
+            self._held_rate = self._held_rate + (part / self.period) * (calm - state)
 
     def pass_filter(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None) -> Array:
         """Return a torque after the filter, which remembers it [N·m]."""

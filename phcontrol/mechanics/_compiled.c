@@ -1,0 +1,301 @@
+/* The inner products of the control step, compiled: what phcontrol/mechanics/kernels.py describes.
+
+   Each function does in one call, without temporaries on the heap, what would take half a dozen calls of
+   NumPy and LAPACK, each dearer than the arithmetic of a seven-joint arm. Matrices are copied into row-major
+   buffers first, so that any strides are taken. No threads, no state. */
+#define PY_SSIZE_T_CLEAN
+#define NPY_NO_DEPRECATED_API NPY_1_20_API_VERSION
+#include <Python.h>
+#include <math.h>
+#include <numpy/arrayobject.h>
+#include <string.h>
+
+#define ON_STACK 512 /* doubles: three 12 x 12 matrices and their vectors */
+
+typedef struct {
+  double stack[ON_STACK];
+  double *start, *next;
+} Workspace;
+
+static int workspace_open(Workspace *space, npy_intp doubles) {
+  space->start = doubles <= ON_STACK ? space->stack : PyMem_Malloc((size_t)doubles * sizeof(double));
+  space->next = space->start;
+  if (space->start == NULL) {
+    PyErr_NoMemory();
+    return 0;
+  }
+  return 1;
+}
+
+static double *workspace_take(Workspace *space, npy_intp doubles) {
+  double *place = space->next;
+  space->next += doubles;
+  return place;
+}
+
+static void workspace_close(Workspace *space) {
+  if (space->start != space->stack) PyMem_Free(space->start);
+}
+
+static int is_doubles(PyObject *object, int dimensions, npy_intp size, const char *name) {
+  if (PyArray_Check(object)) {
+    PyArrayObject *array = (PyArrayObject *)object;
+    int right = PyArray_NDIM(array) == dimensions && PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(array);
+    for (int axis = 0; right && axis < dimensions; axis++) right = PyArray_DIM(array, axis) == size;
+    if (right) return 1;
+  }
+  PyErr_Format(PyExc_ValueError, "%s must be a float64 array with %d axes of length %zd", name, dimensions,
+               (Py_ssize_t)size);
+  return 0;
+}
+
+/* The length that the arrays of one call share, by its first argument; -1 with an error set. */
+static npy_intp size_of(PyObject *const *arguments, Py_ssize_t given, Py_ssize_t wanted) {
+  if (given != wanted) {
+    PyErr_Format(PyExc_TypeError, "takes %zd arguments, but %zd were given", wanted, given);
+    return -1;
+  }
+  if (!PyArray_Check(arguments[0]) || PyArray_NDIM((PyArrayObject *)arguments[0]) < 1) {
+    PyErr_SetString(PyExc_ValueError, "the first argument must be an array");
+    return -1;
+  }
+  return PyArray_DIM((PyArrayObject *)arguments[0], 0);
+}
+
+static void read_vector(PyObject *object, npy_intp n, double *out) {
+  PyArrayObject *array = (PyArrayObject *)object;
+  const char *data = PyArray_BYTES(array);
+  npy_intp stride = PyArray_STRIDE(array, 0);
+  for (npy_intp i = 0; i < n; i++) out[i] = *(const double *)(data + i * stride);
+}
+
+static void read_block(const char *data, npy_intp row, npy_intp column, npy_intp n, double *out) {
+  for (npy_intp i = 0; i < n; i++)
+    for (npy_intp j = 0; j < n; j++) out[i * n + j] = *(const double *)(data + i * row + j * column);
+}
+
+static void read_matrix(PyObject *object, npy_intp n, double *out) {
+  PyArrayObject *array = (PyArrayObject *)object;
+  read_block(PyArray_BYTES(array), PyArray_STRIDE(array, 0), PyArray_STRIDE(array, 1), n, out);
+}
+
+static PyObject *new_vector(npy_intp n, double **data) {
+  PyObject *result = PyArray_SimpleNew(1, &n, NPY_DOUBLE);
+  if (result != NULL) *data = PyArray_DATA((PyArrayObject *)result);
+  return result;
+}
+
+/* A zero matrix in Fortran order, the order LAPACK takes without a copy. */
+static PyObject *new_matrix(npy_intp n, double **data) {
+  npy_intp shape[2] = {n, n};
+  PyObject *result = PyArray_ZEROS(2, shape, NPY_DOUBLE, 1);
+  if (result != NULL) *data = PyArray_DATA((PyArrayObject *)result);
+  return result;
+}
+
+/* --- arithmetic on row-major buffers ------------------------------------------------------------------ */
+
+/* b <- T^-1 b for the leading n rows of a T whose rows are `stride` long. */
+static void forward(const double *T, npy_intp stride, npy_intp n, double *b) {
+  for (npy_intp i = 0; i < n; i++) {
+    double sum = b[i];
+    for (npy_intp k = 0; k < i; k++) sum -= T[i * stride + k] * b[k];
+    b[i] = sum / T[i * stride + i];
+  }
+}
+
+/* b <- T^-T b */
+static void backward(const double *T, npy_intp n, double *b) {
+  for (npy_intp i = n - 1; i >= 0; i--) {
+    const double value = b[i] /= T[i * n + i];
+    for (npy_intp k = 0; k < i; k++) b[k] -= T[i * n + k] * value;
+  }
+}
+
+/* Lower triangle of S <- Phi(T^-1 S T^-T) for a symmetric S: lower triangle, diagonal halved. */
+static void reduce(const double *T, npy_intp n, double *S) {
+  for (npy_intp i = 0; i < n; i++) { /* S <- T^-1 S, row by row */
+    double *row = S + i * n;
+    for (npy_intp k = 0; k < i; k++) {
+      const double factor = T[i * n + k], *above = S + k * n;
+      for (npy_intp j = 0; j < n; j++) row[j] -= factor * above[j];
+    }
+    const double pivot = T[i * n + i];
+    for (npy_intp j = 0; j < n; j++) row[j] /= pivot;
+  }
+  for (npy_intp i = 0; i < n; i++) { /* each row times T^-T, as far as the diagonal */
+    forward(T, n, i + 1, S + i * n);
+    S[i * n + i] *= 0.5;
+  }
+}
+
+/* C <- C + C^T */
+static void symmetrise(npy_intp n, double *C) {
+  for (npy_intp i = 0; i < n; i++)
+    for (npy_intp j = 0; j <= i; j++) C[i * n + j] = C[j * n + i] = C[i * n + j] + C[j * n + i];
+}
+
+/* --- what Python calls -------------------------------------------------------------------------------- */
+
+PyDoc_STRVAR(factor_doc, "factor(mass_matrix)\n--\n\nReturn T, lower triangular, M = T T^T.");
+static PyObject *factor(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 1);
+  double *T;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "mass_matrix")) return NULL;
+  PyObject *result = new_matrix(n, &T);
+  if (result == NULL) return NULL;
+  PyArrayObject *array = (PyArrayObject *)arguments[0];
+  const char *data = PyArray_BYTES(array);
+  npy_intp row = PyArray_STRIDE(array, 0), column = PyArray_STRIDE(array, 1);
+  for (npy_intp j = 0; j < n; j++) { /* column by column, as T lies in memory */
+    for (npy_intp i = j; i < n; i++) {
+      double sum = *(const double *)(data + i * row + j * column);
+      for (npy_intp k = 0; k < j; k++) sum -= T[k * n + i] * T[k * n + j];
+      if (i > j) {
+        T[j * n + i] = sum / T[j * n + j];
+      } else if (sum > 0.0 && isfinite(sum)) {
+        T[j * n + j] = sqrt(sum);
+      } else {
+        Py_DECREF(result);
+        PyErr_SetString(PyExc_ArithmeticError, "the matrix is not positive definite");
+        return NULL;
+      }
+    }
+  }
+  return result;
+}
+
+static PyObject *solve_either(PyObject *const *arguments, Py_ssize_t given, int transposed) {
+  npy_intp n = size_of(arguments, given, 2);
+  double *b;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor") || !is_doubles(arguments[1], 1, n, "vector")) return NULL;
+  if (!workspace_open(&space, n * n)) return NULL;
+  double *T = workspace_take(&space, n * n);
+  PyObject *result = new_vector(n, &b);
+  if (result != NULL) {
+    read_matrix(arguments[0], n, T);
+    read_vector(arguments[1], n, b);
+    if (transposed) {
+      backward(T, n, b);
+    } else {
+      forward(T, n, n, b);
+    }
+  }
+  workspace_close(&space);
+  return result;
+}
+
+PyDoc_STRVAR(solve_doc, "solve(factor, vector)\n--\n\nReturn T^-1 b.");
+static PyObject *solve(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  return solve_either(arguments, given, 0);
+}
+
+PyDoc_STRVAR(solve_transposed_doc, "solve_transposed(factor, vector)\n--\n\nReturn T^-T b.");
+static PyObject *solve_transposed(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  return solve_either(arguments, given, 1);
+}
+
+PyDoc_STRVAR(relative_factor_rate_doc,
+             "relative_factor_rate(factor, coriolis)\n--\n\nReturn T^-1 dT/dt = Phi(T^-1 (C + C^T) T^-T).");
+static PyObject *relative_factor_rate(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 2);
+  double *out;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor") || !is_doubles(arguments[1], 2, n, "coriolis")) return NULL;
+  if (!workspace_open(&space, 2 * n * n)) return NULL;
+  double *T = workspace_take(&space, n * n), *S = workspace_take(&space, n * n);
+  PyObject *result = new_matrix(n, &out);
+  if (result != NULL) {
+    read_matrix(arguments[0], n, T);
+    read_matrix(arguments[1], n, S);
+    symmetrise(n, S);
+    reduce(T, n, S);
+    for (npy_intp i = 0; i < n; i++)
+      for (npy_intp j = 0; j <= i; j++) out[j * n + i] = S[i * n + j];
+  }
+  workspace_close(&space);
+  return result;
+}
+
+PyDoc_STRVAR(transformed_rate_doc,
+             "transformed_rate(factor, coriolis, velocity, force)\n--\n\n"
+             "Return (dT/dt)^T s + T^-1 (f - C s) for a velocity s.");
+static PyObject *transformed_rate(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 4);
+  double *out;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor") || !is_doubles(arguments[1], 2, n, "coriolis") ||
+      !is_doubles(arguments[2], 1, n, "velocity") || !is_doubles(arguments[3], 1, n, "force"))
+    return NULL;
+  if (!workspace_open(&space, 2 * n * n + 2 * n)) return NULL;
+  double *T = workspace_take(&space, n * n), *C = workspace_take(&space, n * n);
+  double *s = workspace_take(&space, n), *momentum = workspace_take(&space, n);
+  PyObject *result = new_vector(n, &out);
+  if (result != NULL) {
+    read_matrix(arguments[0], n, T);
+    read_matrix(arguments[1], n, C);
+    read_vector(arguments[2], n, s);
+    read_vector(arguments[3], n, out);
+    for (npy_intp i = 0; i < n; i++) {
+      double sum = 0.0;
+      for (npy_intp j = 0; j < n; j++) sum += C[i * n + j] * s[j];
+      out[i] -= sum;
+      momentum[i] = 0.0;
+      for (npy_intp k = i; k < n; k++) momentum[i] += T[k * n + i] * s[k]; /* T^T s */
+    }
+    forward(T, n, n, out);
+    symmetrise(n, C);
+    reduce(T, n, C);
+    for (npy_intp i = 0; i < n; i++)
+      for (npy_intp j = 0; j <= i; j++) out[j] += C[i * n + j] * momentum[i];
+  }
+  workspace_close(&space);
+  return result;
+}
+
+PyDoc_STRVAR(momentum_derivative_doc,
+             "momentum_derivative(factor, mass_matrix_derivative, momentum)\n--\n\n"
+             "Return P: column k is -Phi(T^-1 (dM/dq_k) T^-T) times the transformed momentum.");
+static PyObject *momentum_derivative(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 3);
+  double *out;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor") ||
+      !is_doubles(arguments[1], 3, n, "mass_matrix_derivative") || !is_doubles(arguments[2], 1, n, "momentum"))
+    return NULL;
+  if (!workspace_open(&space, 2 * n * n + n)) return NULL;
+  double *T = workspace_take(&space, n * n), *S = workspace_take(&space, n * n), *p = workspace_take(&space, n);
+  PyObject *result = new_matrix(n, &out);
+  if (result != NULL) {
+    PyArrayObject *tensor = (PyArrayObject *)arguments[1];
+    read_matrix(arguments[0], n, T);
+    read_vector(arguments[2], n, p);
+    for (npy_intp k = 0; k < n; k++) {
+      read_block(PyArray_BYTES(tensor) + k * PyArray_STRIDE(tensor, 0), PyArray_STRIDE(tensor, 1),
+                 PyArray_STRIDE(tensor, 2), n, S);
+      reduce(T, n, S);
+      for (npy_intp i = 0; i < n; i++)
+        for (npy_intp j = 0; j <= i; j++) out[k * n + i] -= S[i * n + j] * p[j];
+    }
+  }
+  workspace_close(&space);
+  return result;
+}
+
+#define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
+static PyMethodDef methods[] = {METHOD(factor),
+                                METHOD(solve),
+                                METHOD(solve_transposed),
+                                METHOD(relative_factor_rate),
+                                METHOD(transformed_rate),
+                                METHOD(momentum_derivative),
+                                {NULL, NULL, 0, NULL}};
+
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",
+                                        "The inner products of the control step, compiled.", -1, methods};
+
+PyMODINIT_FUNC PyInit__compiled(void) {
+  import_array();
+  return PyModule_Create(&definition);
+}
