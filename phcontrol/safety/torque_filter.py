@@ -81,7 +81,7 @@ class TorqueFilter:
     by itself.
 
     Where 3 cannot be kept with 1 and 2, its bounds are widened to what the braking torque reaches: the torque that
-    would bring q̇ into the bounds (or damps it), clipped. So 1 to 3 always have a solution. Where 4 cannot be
+    brings q̇ into the bounds (or damps it) as far as the motors can. So 1 to 3 always have a solution. Where 4 cannot be
     kept, the answer weighs ŷᵀu with 10⁴ against the scaled distance, which brings it to the smallest excess there is.
 
     Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise ProxQP solves the scaled problem,
@@ -221,17 +221,39 @@ class TorqueFilter:
         return max(0.0, float(port.output.dot(change)) - port.dissipated_power)
 
     def _braking(
-        self, x: MechanicalState, motion: _Motion, bounds: tuple[Array, Array], box: tuple[Array, Array]
+        self,
+        x: MechanicalState,
+        motion: _Motion,
+        bounds: tuple[Array, Array],
+        box: tuple[Array, Array],
+        drift: Array,
+        effect: Array,
     ) -> Array:
-        """Return the braking torque: to the velocity bounds, or damping inside them; clipped to the box [N·m]."""
+        """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m].
+
+        Where motors are at their limits, the others still bring their own joints where they should be.
+        """
         v, fastest = x.velocity, self._braking_step
         change = np.minimum(np.maximum(v * -(self.period / _DAMPING_TIME), -fastest), fastest)
         change = np.minimum(np.maximum(change, bounds[0] - v), bounds[1] - v)
         wanted = motion.inertia.dot(change)
         wanted /= self.period
         wanted -= motion.force
-        torque = wanted if self._inverse_input is None else self._inverse_input.dot(wanted)
-        return np.minimum(np.maximum(torque, box[0]), box[1])
+        if self._inverse_input is not None:
+            wanted = self._inverse_input.dot(wanted)
+        torque = np.minimum(np.maximum(wanted, box[0]), box[1])
+        free = torque == wanted
+        count = np.count_nonzero(free)
+        while 0 < count < free.size:
+            missing = v + change - drift - effect.dot(torque)
+            wanted = torque.copy()
+            wanted[free] += np.linalg.solve(effect[free][:, free], missing[free])
+            torque = np.minimum(np.maximum(wanted, box[0]), box[1])
+            free &= torque == wanted
+            if np.count_nonzero(free) == count:
+                break
+            count = np.count_nonzero(free)
+        return torque
 
     def _hessian(self, motion: _Motion, reach: Array) -> Array | None:
         """Return the metric for z, of order one; None for the identity."""
@@ -267,7 +289,7 @@ class TorqueFilter:
         effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
         effect *= self.period
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
-        braking = self._braking(x, motion, bounds, box)
+        braking = self._braking(x, motion, bounds, box, drift, effect)
         reached = drift + effect.dot(braking)
         scaled = effect * reach
         size = np.sqrt(np.add.reduce(scaled * scaled, axis=1))

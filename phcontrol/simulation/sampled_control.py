@@ -61,7 +61,7 @@ class SampledControl:
             port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
             torque = self.pass_filter(x, self.wished, measured, port)
             if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
-                self._calm(t, x, state, measured, self.period * self.filtered.storage_excess)
+                self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
         limit = self.torque_limit
         if limit is not None:
             torque = np.maximum(np.minimum(torque, limit), -limit)

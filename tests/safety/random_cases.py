@@ -106,7 +106,16 @@ def reference_case(system, limits, period, q, v, wish, previous, force, port) ->
     slower = np.minimum(np.abs(v) / 0.1, alpha) * period
     goal = np.clip(v - np.sign(v) * slower, lowest, highest)
     braking = np.linalg.solve(G, (M + period * D) @ (goal - v) / period - (force - load - D @ v))
-    reached = drift + effect @ np.clip(braking, low, high)
+    held = (braking < low) | (braking > high)
+    braking = np.clip(braking, low, high)
+    while held.any() and not held.all():  # the motors that are left bring their own joints where they should be
+        A = np.where(held[:, None], np.eye(system.n), effect)
+        wanted = np.linalg.solve(A, np.where(held, braking, goal - drift))
+        braking, before = np.where(held, braking, np.clip(wanted, low, high)), held
+        held = held | (wanted < low) | (wanted > high)
+        if (held == before).all():
+            break
+    reached = drift + effect @ braking
     room = 1e-4 * np.linalg.norm(effect * (high - low) / 2, axis=1)
     widened = np.minimum(lowest, reached - room), np.maximum(highest, reached + room)
     return Case(effect, drift, (low, high), widened, wish, port.output, port.dissipated_power, limits.effort)
