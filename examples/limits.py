@@ -70,7 +70,7 @@ def run(law: str, arm: str, wall: bool, filtered: bool, duration: float = 1.0) -
     bodies = [
         RigidBody(JointContact(robot.joint_names[joint], start[joint] + 0.15, "above"), stiffness=3e3, damping=5.0)
     ]
-    limits = Limits(system, position_margin=MARGIN)
+    limits = Limits(system, position_margin=MARGIN, velocity_margin=0.1)
     return simulate(
         system,
         controller,

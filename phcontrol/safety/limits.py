@@ -37,6 +37,8 @@ class Limits:
         lower: of the position [rad].
         upper: of the position [rad].
         position_margin: how far inside the position limits the arm is kept [rad].
+        velocity_margin: by what part of themselves the velocity limits are lowered: 0.05 leaves room for what the
+            prediction over one period does not see, a bump above all.
         braking_acceleration: α [rad/s²]; by default the largest, in proportions that suit the joints, with which
             all joints can brake at once within 80 % of their effort, at any of 300 random positions and velocities
             inside the limits.
@@ -52,11 +54,13 @@ class Limits:
         lower: Literal["robot"] | ArrayLike = "robot",
         upper: Literal["robot"] | ArrayLike = "robot",
         position_margin: float = 0.0,
+        velocity_margin: float = 0.0,
         braking_acceleration: ArrayLike | None = None,
     ) -> None:
         robot, n = system.robot, system.n
         self.effort = _limit("effort", effort, robot.effort_limit, n)
         self.velocity = _limit("velocity", velocity, robot.velocity_limit, n)
+        self.velocity = self.velocity * (1.0 - number("velocity_margin", velocity_margin, minimum=0.0, maximum=0.9))
         self.torque_rate = _limit("torque_rate", np.inf if torque_rate is None else torque_rate, robot.effort_limit, n)
         margin = number("position_margin", position_margin, minimum=0.0)
         self.lower = _place("lower", lower, robot.lower, n) + margin
@@ -79,20 +83,24 @@ class Limits:
         self._twice_braking = np.tile(self.braking_acceleration, 2)
         self._twice_reaction = np.tile(self.reaction_time, 2)
         self._edges = np.concatenate([self.upper, -self.lower])
+        self._double_braking = 2.0 * self._twice_braking
         for array in vars(self).values():
             array.flags.writeable = False
+        self._period, self._lag, self._lag_squared = 0.0, self._twice_reaction, self._twice_reaction
 
     def velocity_bounds(self, position: Array, velocity: Array, period: float) -> tuple[Array, Array]:
         """Return the lowest and the highest next velocity, shape (n,) each [rad/s]."""
         n = position.size
         half_way = position + 0.5 * period * velocity
         room = self._edges - np.concatenate((half_way, -half_way))  # to the upper limits, then to the lower ones
-        lag = (self._twice_reaction + 0.5 * period) * self._twice_braking
+        if period != self._period:
+            self._period, self._lag = period, (self._twice_reaction + 0.5 * period) * self._twice_braking
+            self._lag_squared = self._lag * self._lag
         bound = np.maximum(room, 0.0)
-        bound *= 2.0 * self._twice_braking
-        bound += lag * lag
+        bound *= self._double_braking
+        bound += self._lag_squared
         np.sqrt(bound, out=bound)
-        bound -= lag
+        bound -= self._lag
         outside = room < 0.0
         if np.logical_or.reduce(outside):
             bound = np.where(outside, np.maximum(room / _RETURN_TIME, self._return_speed), bound)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,15 +16,16 @@ ACCEPTED = 1e-10
 """The largest residual of an answer that is believed, in scaled units (relative to a large gradient)."""
 
 _MOST_ITERATIONS = 60
+_MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
 _LARGE_GRADIENT = 20.0  # from which the objective is scaled
 _MOST_CORRECTIONS = 6
 _WARM = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
 _COLD = proxqp.InitialGuess.NO_INITIAL_GUESS
 
 
-def _largest(values: Array) -> float:
-    """Return the largest absolute value; NaN when there is one."""
-    return max(float(values.max()), -float(values.min()))
+def _length(values: Array) -> float:
+    """Return the Euclidean norm; NaN when there is one inside."""
+    return math.sqrt(values.dot(values))
 
 
 class Problem(NamedTuple):
@@ -68,14 +70,14 @@ class Problem(NamedTuple):
         np.maximum(kept, self.lower, out=kept)
         np.minimum(kept, self.upper, out=kept)
         kept -= values
-        return _largest(downhill), _largest(kept)
+        return _length(downhill), _length(kept)
 
     def accepts(self, z: Array, multipliers: Array) -> bool:
         """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
         stationary, complementary = self.residuals(z, multipliers)
         if not complementary <= ACCEPTED:
             return False
-        return stationary <= ACCEPTED or stationary <= ACCEPTED * (1.0 + _largest(self.gradient))
+        return stationary <= ACCEPTED or stationary <= ACCEPTED * (1.0 + _length(self.gradient))
 
 
 class QuadraticProgram:
@@ -101,7 +103,8 @@ class QuadraticProgram:
         settings = solver.settings
         settings.eps_abs, settings.eps_rel, settings.max_iter = ACCURACY, 0.0, _MOST_ITERATIONS
         settings.eps_primal_inf = settings.eps_dual_inf = 0.0
-        settings.check_duality_gap = settings.compute_timings = settings.verbose = False
+        settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, ACCURACY, 0.0
+        settings.compute_timings = settings.verbose = False
         one, bound, rows = np.ones(n), np.ones(m), np.eye(m, n)
         solver.init(np.eye(n), np.zeros(n), None, None, rows, -bound, bound, -one, one, compute_preconditioner=False)
         solver.solve()  # an update before the first solve would crash a warm start
@@ -115,7 +118,7 @@ class QuadraticProgram:
         if self._starts_warm != (warm and self._warm):
             self._starts_warm = warm and self._warm
             solver.settings.initial_guess = _WARM if self._starts_warm else _COLD
-        size = _largest(problem.gradient)
+        size = _length(problem.gradient)
         size = 1.0 if size <= _LARGE_GRADIENT else size
         H, gradient = problem.hessian, problem.gradient
         if size != 1.0:
@@ -130,8 +133,9 @@ class QuadraticProgram:
         if size != 1.0:
             multipliers = size * multipliers
         z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
-        self._warm = problem.accepts(z, multipliers[: self._m])
-        if self._warm:
+        accepted = problem.accepts(z, multipliers[: self._m])
+        self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
+        if accepted:
             return z
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             self.reset()
