@@ -2,8 +2,8 @@
 
     python examples/limits.py [--duration SECONDS] [--law NAME] [--arm NAME]
 
-Prints, for each run, by how much position, velocity and torque limits were exceeded, and by how much the storage function
-grew beyond what the environment supplied.
+Prints, for each run, by how much position, velocity and torque limits were exceeded, and by how much the storage
+function grew beyond what the environment supplied.
 """
 
 from __future__ import annotations

@@ -108,7 +108,8 @@ class DynamicExtension(Controller):
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄, where ½|p̄ − A z|² + ½zᵀK_z⁻¹z is smallest."""
-        return self._calming.dot(x.transformed_momentum)
+        calm: Array = self._calming.dot(x.transformed_momentum)
+        return calm
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (position coordinates, p̂, z)."""

@@ -105,7 +105,7 @@ class Schedule(Controller):
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the active law's calmest state; the other parts are held."""
         law, part = self._part(t, state)
-        calm = state.copy()
+        calm: Array = state.copy()
         calm[self._places[self._index(t)]] = law.calmest_state(t, x, part)
         return calm
 

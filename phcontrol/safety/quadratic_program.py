@@ -77,7 +77,7 @@ class Problem(NamedTuple):
         stationary, complementary = self.residuals(z, multipliers)
         if not complementary <= ACCEPTED:
             return False
-        return stationary <= ACCEPTED or stationary <= ACCEPTED * (1.0 + _length(self.gradient))
+        return stationary <= ACCEPTED or stationary <= 0.1 * ACCEPTED * _length(self.gradient)
 
 
 class QuadraticProgram:
@@ -130,8 +130,9 @@ class QuadraticProgram:
         solver.solve()
         results = solver.results
         x, multipliers = results.x, results.z
+        self.multipliers = multipliers
         if size != 1.0:
-            multipliers = size * multipliers
+            self.multipliers = multipliers = size * multipliers
         z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
         accepted = problem.accepts(z, multipliers[: self._m])
         self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
@@ -140,10 +141,10 @@ class QuadraticProgram:
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             self.reset()
             return None
-        return _corrected(problem, x, multipliers)
+        return corrected(problem, x, multipliers)
 
 
-def _corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
+def corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
     """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
     n, m = x.size, problem.lower.size
     identity = np.eye(n)

@@ -16,12 +16,13 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.limits import Limits
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.quadratic_program import Problem, QuadraticProgram, corrected
 
 _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _UNBOUNDED = 1e20  # what ProxQP takes for no bound
 _INSISTENCE = 1e4  # weight of the storage condition against distance, once it cannot be met
+_SEARCH_STEPS = 40  # for the right weight, where the solver fails otherwise
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
@@ -241,7 +242,7 @@ class TorqueFilter:
         wanted -= motion.force
         if self._inverse_input is not None:
             wanted = self._inverse_input.dot(wanted)
-        torque = np.minimum(np.maximum(wanted, box[0]), box[1])
+        torque: Array = np.minimum(np.maximum(wanted, box[0]), box[1])
         free = torque == wanted
         count = np.count_nonzero(free)
         while 0 < count < free.size:
@@ -354,9 +355,30 @@ class TorqueFilter:
             insisted = self._insisting.solve(insisting, warm=False)
         if possible and (insisted is None or not _proves(problem, insisted)):
             answer = self._program.solve(problem, warm=False)
+            if answer is None and insisted is not None and problem.rows[-1].dot(insisted) <= problem.upper[-1]:
+                answer = self._by_insistence(problem, direction, insisted)
             if answer is not None:
                 return FilterStatus.SOLVED, answer
         return (FilterStatus.FALLBACK if insisted is None else FilterStatus.STORAGE_GIVEN_UP), insisted
+
+    def _by_insistence(self, problem: Problem, direction: Array, insisted: Array) -> Array:
+        """Return z by a search for the weight with which insisting just meets the last row; ``insisted`` meets it."""
+        too_little, enough, answer = 1e-3, _INSISTENCE, insisted
+        for _ in range(_SEARCH_STEPS):
+            weight = math.sqrt(too_little * enough)
+            found = self._insisting.solve(problem.without_last_row(problem.gradient + weight * direction), warm=False)
+            if found is None:
+                break
+            n = found.size
+            multipliers = np.concatenate((self._insisting.multipliers[:n], [weight], self._insisting.multipliers[n:]))
+            exact = corrected(problem, found, multipliers)
+            if exact is not None:
+                return exact
+            if problem.rows[-1].dot(found) <= problem.upper[-1]:
+                enough, answer = weight, found
+            else:
+                too_little = weight
+        return answer
 
 
 def _excess(velocity: Array, lowest: Array, highest: Array) -> float:

@@ -93,7 +93,7 @@ def simulate(
         system,
         controller,
         _disturbance(disturbance, system.n),
-        _torque_limit(torque_limit, system),
+        torque_limit_of(torque_limit, system),
         control_period,
         bodies,
         torque_filter,
@@ -162,7 +162,8 @@ def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:
     return vector("disturbance", value, n)
 
 
-def _torque_limit(value: Any, system: MechanicalSystem) -> Array | None:
+def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
+    """Return the torque limits that an argument asks for [N·m]; None for none."""
     if value is None:
         return None
     if isinstance(value, str):

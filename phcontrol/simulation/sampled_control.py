@@ -56,17 +56,34 @@ class SampledControl:
         """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
         self.wished, self._held_rate = self.controller.evaluate(t, x, state, measured)
         if self.filter is None:
-            torque = self.wished
-        else:
-            port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
-            torque = self.pass_filter(x, self.wished, measured, port)
-            if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
-                self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
+            return self.limited(x, self.wished, measured)
+        port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
+        torque = self.limited(x, self.wished, measured, port)
+        if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
+            # twice: what the state does about it comes a period late
+            self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
+        return torque
+
+    def limited(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None = None) -> Array:
+        """Return a torque after filter and limits [N·m], which is remembered as the last one."""
+        if self.filter is not None:
+            view = x if self._same_model else self.filter.system.state_type(self.filter.system, x.position, x.velocity)
+            force = measured.external_force
+            self.filtered = self.filter.filter(view, torque, previous=self.torque, external_force=force, port=port)
+            torque = self.filtered.torque
         limit = self.torque_limit
         if limit is not None:
             torque = np.maximum(np.minimum(torque, limit), -limit)
         self.torque = torque
         return torque
+
+    def hold_rate(self, state_rate: Array) -> None:
+        """Let the law's state advance with a rate of one's own until the next step."""
+        self._held_rate = state_rate
+
+    def forget(self) -> None:
+        """Start anew: the law's state does not advance before the next step."""
+        self._held_rate = None
 
     def _calm(self, t: float, x: MechanicalState, state: Array, measured: Measured, energy: float) -> None:
         """Move the law's state towards its calmest, until H_d is smaller by an energy [J] or smallest.
@@ -80,15 +97,6 @@ class SampledControl:
             part = 1.0 - math.sqrt(1.0 - min(1.0, energy / available))
             assert self._held_rate is not None
             self._held_rate = self._held_rate + (part / self.period) * (calm - state)
-
-    def pass_filter(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None) -> Array:
-        """Return a torque after the filter, which remembers it [N·m]."""
-        assert self.filter is not None
-        view = x if self._same_model else self.filter.system.state_type(self.filter.system, x.position, x.velocity)
-        self.filtered = self.filter.filter(
-            view, torque, previous=self.torque, external_force=measured.external_force, port=port
-        )
-        return self.filtered.torque
 
 
 def check_filter(torque_filter: TorqueFilter, controller: Controller, period: float) -> None:

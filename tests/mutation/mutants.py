@@ -5,8 +5,8 @@
 
 The mutants are Cosmic Ray's. Of the ten replacements it has for each operator only the likely slips are used
 (+ for −, × for ÷, < for ≤, a sign left out): the others fail on the spot and would flatter the figure.
-Annotations are no code and not mutated. Each mutant is tried in a copy of the tree by a process forked from one that has the
-libraries loaded; the tests nearest to the mutated module come first, and the first failure kills.
+Annotations are no code and not mutated. Each mutant is tried in a copy of the tree by a process forked from one that
+has the libraries loaded; the tests nearest to the mutated module come first, and the first failure kills.
 """
 
 from __future__ import annotations
