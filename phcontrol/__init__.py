@@ -45,20 +45,29 @@ from phcontrol.safety.torque_filter import FilteredTorque, FilterStatus, TorqueF
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.simulation.arm_driver import ArmDriver, Reading, drive
 from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.control_box import ControlBox
+from phcontrol.simulation.control_loop import ControlLoop, LoopMode
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.simulation.packet_faults import PacketFaults
+from phcontrol.simulation.simulated_arm import SimulatedArm
+from phcontrol.simulation.udp_arm import UdpArm
 
 __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "ArmDriver",
     "Body",
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
     "Command",
     "CompliantBody",
+    "ControlBox",
+    "ControlLoop",
     "Controller",
     "DataFileError",
     "Disturbance",
@@ -80,6 +89,7 @@ __all__ = [
     "JointContact",
     "Limits",
     "Log",
+    "LoopMode",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
@@ -87,14 +97,17 @@ __all__ = [
     "MomentumObserver",
     "NonFiniteTorqueError",
     "PHControlError",
+    "PacketFaults",
     "PowerBalance",
     "Pulse",
+    "Reading",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
     "Schedule",
     "Shaping",
+    "SimulatedArm",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
@@ -104,12 +117,14 @@ __all__ = [
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
+    "UdpArm",
     "UnknownNameError",
     "Wrench",
     "__version__",
     "certify",
     "check_canonical_transformation",
     "damping_for_gain",
+    "drive",
     "equilibrium",
     "force_control_conditions",
     "l2_gain",

@@ -133,7 +133,7 @@ class QuadraticProgram:
         self.multipliers = multipliers
         if size != 1.0:
             self.multipliers = multipliers = size * multipliers
-        z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
+        z: Array = np.minimum(np.maximum(x, problem.lowest), problem.highest)
         accepted = problem.accepts(z, multipliers[: self._m])
         self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
         if accepted:

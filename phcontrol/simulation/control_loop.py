@@ -140,6 +140,11 @@ class ControlLoop:
         return self._state
 
     @property
+    def no_torque(self) -> Array:
+        """Zeros, for an arm that has not reported yet [N·m]."""
+        return np.zeros(self.system.n)
+
+    @property
     def timing(self) -> Timing:
         """How long the steps computed, and how far apart they were."""
         return self._recorder.timing(self.deadline)
