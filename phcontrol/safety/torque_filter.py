@@ -37,9 +37,11 @@ class FilterStatus(IntEnum):
     """Its projection on effort and rate limits, in closed form; nothing else was in the way."""
     SOLVED = 2
     """The quadratic program's answer: every condition is met."""
-    STORAGE_GIVEN_UP = 3
+    FEASIBLE = 3
+    """Every condition is met, but the solver failed and a nearer torque may exist: the best of a search."""
+    STORAGE_GIVEN_UP = 4
     """The quadratic program's answer where the storage condition cannot be met with the limits."""
-    FALLBACK = 4
+    FALLBACK = 5
     """The solver gave no answer that passed the check: braking torque, clipped."""
 
 
@@ -356,12 +358,12 @@ class TorqueFilter:
         if possible and (insisted is None or not _proves(problem, insisted)):
             answer = self._program.solve(problem, warm=False)
             if answer is None and insisted is not None and problem.rows[-1].dot(insisted) <= problem.upper[-1]:
-                answer = self._by_insistence(problem, direction, insisted)
+                return self._by_insistence(problem, direction, insisted)
             if answer is not None:
                 return FilterStatus.SOLVED, answer
         return (FilterStatus.FALLBACK if insisted is None else FilterStatus.STORAGE_GIVEN_UP), insisted
 
-    def _by_insistence(self, problem: Problem, direction: Array, insisted: Array) -> Array:
+    def _by_insistence(self, problem: Problem, direction: Array, insisted: Array) -> tuple[FilterStatus, Array]:
         """Return z by a search for the weight with which insisting just meets the last row; ``insisted`` meets it."""
         too_little, enough, answer = 1e-3, _INSISTENCE, insisted
         for _ in range(_SEARCH_STEPS):
@@ -373,12 +375,12 @@ class TorqueFilter:
             multipliers = np.concatenate((self._insisting.multipliers[:n], [weight], self._insisting.multipliers[n:]))
             exact = corrected(problem, found, multipliers)
             if exact is not None:
-                return exact
+                return FilterStatus.SOLVED, exact
             if problem.rows[-1].dot(found) <= problem.upper[-1]:
                 enough, answer = weight, found
             else:
                 too_little = weight
-        return answer
+        return FilterStatus.FEASIBLE, answer
 
 
 def _excess(velocity: Array, lowest: Array, highest: Array) -> float:

@@ -225,6 +225,8 @@ def try_case(system, filter_: TorqueFilter, rng, tally: Tally) -> None:
     tally.motion_error = max(tally.motion_error, motion)
     if found.status != FilterStatus.STORAGE_GIVEN_UP:
         tally.storage_error = max(tally.storage_error, excess)
+        if found.status == FilterStatus.FEASIBLE:
+            return
         answer = exact(case)
     else:
         least = smallest_supply(case)
