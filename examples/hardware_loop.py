@@ -34,7 +34,12 @@ def main() -> None:
     controller = make_controller("force_feedback", system, GOAL)
     limits = Limits(system, torque_rate=1000.0, position_margin=0.01, velocity_margin=0.1)  # [N·m/s], [rad], 1
     loop = ControlLoop(
-        system, controller, PERIOD, torque_filter=TorqueFilter(system, period=PERIOD, limits=limits), start_time=0.3
+        system,
+        controller,
+        PERIOD,
+        torque_filter=TorqueFilter(system, period=PERIOD, limits=limits),
+        start_time=0.3,  # [s]
+        stale_after=0.03,  # [s]; a desktop's scheduler may keep both processes waiting for some milliseconds
     )
     faults = {
         "loss": options.loss,

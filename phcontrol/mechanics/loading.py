@@ -229,8 +229,8 @@ def _assemble(
         home=np.array(extras["home"]) if "home" in extras and not locked else home[index],
         lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
         upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
-        velocity_limit=_limit_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
-        effort_limit=_limit_or_infinite(np.asarray(model.upperEffortLimit)[index]),
+        velocity_limit=_limit_or_infinite("velocity", names, np.asarray(model.upperVelocityLimit)[index]),
+        effort_limit=_limit_or_infinite("effort", names, np.asarray(model.upperEffortLimit)[index]),
         continuous=turning,
         prismatic=tuple(joints[name].get("type") == "prismatic" for name in names),
         friction=friction,
@@ -243,13 +243,26 @@ def _assemble(
         package_directories=description.package_directories,
         locked_joints=locked,
     )
+    _check_limits(robot)
     for array in (robot.home, robot.lower, robot.upper, robot.velocity_limit, robot.effort_limit):
         array.flags.writeable = False
     return robot
 
 
-def _limit_or_infinite(values: Array) -> Array:
+def _check_limits(robot: Robot) -> None:
+    for joint, name in enumerate(robot.joint_names):
+        low, high = robot.lower[joint], robot.upper[joint]
+        if not low <= high:  # NaN too
+            raise RobotDescriptionError(
+                f"{robot.name}: joint '{name}' has the lower limit {low:g} and the upper limit {high:g}"
+            )
+
+
+def _limit_or_infinite(kind: str, names: list[str], values: Array) -> Array:
     """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
+    for name, value in zip(names, values, strict=True):
+        if not value >= 0.0:
+            raise RobotDescriptionError(f"joint '{name}' has the {kind} limit {value:g}; it must not be negative")
     return np.where(values > 0.0, values, np.inf)
 
 

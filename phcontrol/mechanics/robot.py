@@ -149,6 +149,10 @@ class Robot:
             mass_matrix = pin.crba(model, data, self.full_position(position))
             if self.coupling is not None:
                 mass_matrix = self.coupling.matrix.T @ mass_matrix @ self.coupling.matrix
+            if not np.isfinite(mass_matrix).all():
+                raise RobotDescriptionError(
+                    f"{self.name}: the mass matrix is not finite: masses or lengths are too large"
+                )
             values, directions = np.linalg.eigh(mass_matrix)
             if not values[0] > 1e-12 * max(values[-1], 1e-6):
                 joint = self.joint_names[int(np.argmax(np.abs(directions[:, 0])))]

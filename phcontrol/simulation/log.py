@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -375,15 +374,15 @@ class Log:
         """Read a log that ``save`` wrote. Raises DataFileError; nothing in the file is executed."""
         try:
             with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-                data = {name: file[name] for name in file.files}
+                data = {name: np.asarray(file[name]) for name in file.files}
             metadata = json.loads(data.pop("metadata").tobytes().decode())
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        except Exception as error:  # damaged archives raise a dozen kinds
             raise DataFileError(f"cannot read {path} as a log: {error}") from error
         if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
             raise DataFileError(f"cannot read {path}: not a log of format {FORMAT}")
-        missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
-        if missing or len({len(array) for array in data.values()}) != 1:
-            raise DataFileError(f"cannot read {path}: incomplete log (missing {missing or 'rows'})")
+        problem = _problem(data, metadata)
+        if problem:
+            raise DataFileError(f"cannot read {path}: {problem}")
         return cls(data, metadata)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -399,3 +398,30 @@ class Log:
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
         columns |= {name: self._derived[name] for name in _DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+
+
+def _problem(data: dict[str, Array], metadata: dict[str, Any]) -> str:
+    """Return what is wrong with the content of a log file; empty when nothing is."""
+    missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
+    if missing:
+        return f"incomplete log (missing {missing})"
+    names = metadata.get("joint_names")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return "the names of the joints are missing"
+    if not all(isinstance(metadata.get(key), str) for key in ("robot", "controller")):
+        return "the name of the robot or the controller is missing"
+    samples, n = data["time"].size, len(names)
+    for name, array in data.items():
+        if array.dtype != np.float64:
+            return f"{name} holds {array.dtype}, not float64"
+        if name in ("controller_state", "body_state"):
+            expected = (samples, *array.shape[1:2])
+        elif name in ("time", *_DERIVED) or (name.startswith(_FILTER) and not name.endswith("torque")):
+            expected = (samples,)
+        else:
+            expected = (samples, n)
+        if array.shape != expected or (name.endswith("_state") and array.ndim != 2):
+            return f"{name} has shape {array.shape}, not {expected}"
+    limit = metadata.get("torque_limit", [1.0] * n)
+    numbers = isinstance(limit, list) and all(type(value) in (int, float) for value in limit)
+    return "" if numbers and len(limit) == n else "the torque limits are no list of a number for each joint"

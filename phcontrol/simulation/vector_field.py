@@ -58,6 +58,8 @@ class ClosedLoop:
         self._truth = Measured(self.external_force)
         self._needs = tuple(controller.needs)
         self._needs_total_force = "total_force" in self._needs
+        if torque_filter is not None:
+            self._needs = (*self._needs, "external_force")  # for its prediction
         self.sampled = (
             None if control_period is None else SampledControl(controller, control_period, torque_limit, torque_filter)
         )
