@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, number
+from phcontrol._validation import Array, number, sequence
 from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -35,10 +35,11 @@ class Schedule(Controller):
     name = "schedule"
 
     def __init__(self, steps: Sequence[tuple[float, Controller]]) -> None:
-        if not steps:
-            raise InvalidArgumentError("steps", "must hold at least one pair (start time, law)")
+        steps = sequence("steps", steps, "pairs (start time, law)", "__len__")
+        if not steps or not all(len(step) == 2 and isinstance(step[1], Controller) for step in steps):
+            raise InvalidArgumentError("steps", "must hold pairs (start time, law), at least one")
         self.starts = [number("start time", start) for start, _ in steps]
-        self.laws = [law for _, law in steps]
+        self.laws: list[Controller] = [law for _, law in steps]
         if self.starts[0] != 0.0 or any(a >= b for a, b in zip(self.starts, self.starts[1:], strict=False)):
             raise InvalidArgumentError("steps", f"start times must increase from 0, but are {self.starts}")
         if any(law.system is not self.laws[0].system for law in self.laws):

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, vector
+from phcontrol._validation import Array, number, per_joint, sequence
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
@@ -50,7 +50,10 @@ def load_robot(
             positive definite.
     """
     description = find(source)
-    description.package_directories += tuple(Path(directory) for directory in package_directories)
+    for directory in sequence("package_directories", package_directories, "paths"):
+        if not isinstance(directory, (str, os.PathLike)):
+            raise InvalidArgumentError("package_directories", f"must hold paths, but one is {directory!r}")
+        description.package_directories += (Path(directory),)
     robot = _build(description, locked_joints)
     if armature is not None:
         robot = _with_armature(robot, armature)
@@ -164,7 +167,7 @@ def _locked_angles(
         raise InvalidArgumentError(
             "locked_joints", f"must be a list of joint names, but is the string '{locked_joints}'"
         )
-    check_joint_names(list(locked_joints), names, robot)
+    check_joint_names(list(sequence("locked_joints", locked_joints, "joint names")), names, robot)
     angles = dict(zip(names, home, strict=True))
     if isinstance(locked_joints, Mapping):
         locked = {name: number(f"locked_joints['{name}']", value) for name, value in locked_joints.items()}
@@ -285,7 +288,7 @@ def _friction(joints: list[ET.Element], extras: dict[str, Any]) -> StribeckFrict
 
 
 def _with_armature(robot: Robot, armature: ArrayLike) -> Robot:
-    values = vector("armature", np.full(robot.n, armature) if np.ndim(armature) == 0 else armature, robot.n)
+    values = per_joint("armature", armature, robot.n)
     if (values < 0.0).any():
         raise InvalidArgumentError("armature", f"must be >= 0 [kg m²], but is {values.tolist()}")
     model = robot.model.copy()

@@ -82,7 +82,7 @@ class Robot:
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame (a link's name). Raises UnknownNameError, listing the frames."""
         for index, frame in enumerate(self.model.frames):
-            if frame.name == name:
+            if isinstance(name, str) and frame.name == name:
                 return index
         raise UnknownNameError("frame", name, self.frame_names, f" of {self.name}")
 
@@ -166,5 +166,5 @@ class Robot:
 def check_joint_names(names: Sequence[str], known: Sequence[str], robot: str) -> None:
     """Raise UnknownNameError for the first of ``names`` that is not a joint of the robot."""
     for name in names:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise UnknownNameError("joint", name, known, f" of {robot}")

@@ -161,7 +161,7 @@ def _broadcast(name: str, value: ArrayLike, n: int) -> Array:
     """Return a number, or one each joint, infinities allowed."""
     try:
         raw = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(name, f"must be 'robot', a number or one number each joint ({error})") from error
     finite_array(name, np.where(np.isinf(raw), 0.0, raw))
     if raw.shape not in ((), (n,)):

@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from phcontrol._validation import Array, choice, finite_array, positive, vector, whole_multiple
+from phcontrol._validation import Array, choice, per_joint, positive, sequence, vector, whole_multiple
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
@@ -77,6 +77,7 @@ def simulate(
         SimulationInterrupted: the run was stopped from the keyboard; carries the log so far.
     """
     dt, duration = positive("dt", dt), positive("duration", duration)
+    bodies = sequence("bodies", bodies, "bodies")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
     if controller.system.n != system.n:
         raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
@@ -86,8 +87,8 @@ def simulate(
     if controller_state0 is not None:
         state = vector("controller_state0", controller_state0, state.size)
     if torque_filter is not None:
-        control_period = torque_filter.period if control_period is None else control_period
         check_filter(torque_filter, controller, control_period)
+        control_period = torque_filter.period
         torque_filter.reset()
     loop = ClosedLoop(
         system,
@@ -99,7 +100,7 @@ def simulate(
         torque_filter,
     )
     body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
-    instruments = Instruments(sensors or (), dt) if sensors is not None else None
+    instruments = None if sensors is None else Instruments(sensors, dt)
     stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
     steps = max(1, math.ceil(duration / dt - 1e-9))
     log = Log.empty(
@@ -170,7 +171,7 @@ def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
         choice("torque limit", value, ["robot"])
         limit = np.asarray(system.robot.effort_limit)
     else:
-        limit = np.broadcast_to(finite_array("torque_limit", value), (system.n,))
+        limit = per_joint("torque_limit", value, system.n)
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, positive, vector
+from phcontrol._validation import Array, per_joint, positive, vector
 from phcontrol.environments.disturbances import Disturbance
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured
@@ -43,7 +43,7 @@ class ControlBox:
         start = system.robot.home if position is None else position
         self._state: Array = np.concatenate([vector("position", start, system.n), np.zeros(system.n)])
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.05
-        self._damping = np.array(inertia if damping is None else np.broadcast_to(damping, system.n), dtype=np.float64)
+        self._damping: Array = inertia if damping is None else per_joint("damping", damping, system.n)
         self._disturbance = disturbance
         self._torque: Array = np.zeros(system.n)
         self._last_number, self._silence, self._steps = -1, np.inf, 0

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, positive
+from phcontrol._validation import Array, number, per_joint, positive
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
@@ -101,12 +101,8 @@ class ControlLoop:
         self.stale_after = 10.0 * self.period if stale_after is None else positive("stale_after", stale_after)
         self.deadline = self.period if deadline is None else positive("deadline", deadline)
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.2
-        damping: Array = (
-            inertia
-            if holding_damping is None
-            else np.broadcast_to(np.array(holding_damping, dtype=np.float64), system.n)
-        )
-        if not (np.isfinite(damping).all() and (damping >= 0.0).all()):
+        damping: Array = inertia if holding_damping is None else per_joint("holding_damping", holding_damping, system.n)
+        if (damping < 0.0).any():
             raise InvalidArgumentError("holding_damping", "must be finite and not negative")
         self._damping = np.array(damping)
         self._sampled = SampledControl(controller, period, torque_limit_of(torque_limit, system), torque_filter)
@@ -198,7 +194,7 @@ class ControlLoop:
         n = self.system.n
         try:
             q, v, old = np.array(position, dtype=float), np.array(velocity, dtype=float), float(age)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return self._reject()
         if q.shape != (n,) or v.shape != (n,) or not np.isfinite(q.dot(q) + v.dot(v)) or not old >= 0.0:
             return self._reject()

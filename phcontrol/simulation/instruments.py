@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, whole_multiple
+from phcontrol._validation import Array, sequence, whole_multiple
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.sensor import Sensor
@@ -18,12 +18,12 @@ class Instruments:
     """The sensors of a run and their states."""
 
     def __init__(self, sensors: Sequence[Sensor], dt: float) -> None:
-        self.sensors = list(sensors)
+        self.sensors = list(sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading"))
         quantities = [sensor.quantity for sensor in self.sensors]
         if len(set(quantities)) != len(quantities):
             raise InvalidArgumentError("sensors", f"must not have two for the same quantity, but has {quantities}")
         self._strides = [
-            1 if sensor.period is None else whole_multiple("period", sensor.period, dt) for sensor in sensors
+            1 if sensor.period is None else whole_multiple("period", sensor.period, dt) for sensor in self.sensors
         ]
         self._states: list[Any] = []
         self._torques: list[Array] = []

@@ -9,7 +9,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from phcontrol._validation import number
+from phcontrol._validation import count, number, sequence
+from phcontrol.exceptions import InvalidArgumentError
 
 Packet = TypeVar("Packet")
 
@@ -40,10 +41,11 @@ class PacketFaults(Generic[Packet]):
         self.delay = number("delay", delay, minimum=0.0)
         self.jitter = number("jitter", jitter, minimum=0.0)
         self.duplicates = number("duplicates", duplicates, minimum=0.0, maximum=1.0)
-        self.outages = tuple(
-            (number("outage", start), number("outage", length, minimum=0.0)) for start, length in outages
-        )
-        self._generator = np.random.default_rng(seed)
+        pairs = sequence("outages", outages, "pairs (start, length)", "__len__")
+        if not all(len(pair) == 2 for pair in pairs):
+            raise InvalidArgumentError("outages", "must hold pairs (start, length)")
+        self.outages = tuple((number("outage", a), number("outage", b, minimum=0.0)) for a, b in map(tuple, pairs))
+        self._generator = np.random.default_rng(count("seed", seed, minimum=0))
         self._under_way: list[tuple[float, int, Packet]] = []
         self._order = itertools.count()
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, positive
 from phcontrol.controllers.controller import Controller, PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -99,15 +99,15 @@ class SampledControl:
             self._held_rate = self._held_rate + (part / self.period) * (calm - state)
 
 
-def check_filter(torque_filter: TorqueFilter, controller: Controller, period: float) -> None:
-    """Raise InvalidArgumentError unless a filter suits a law and a period."""
+def check_filter(torque_filter: TorqueFilter, controller: Controller, period: float | None) -> None:
+    """Raise InvalidArgumentError unless a filter suits a law and a period (None for the filter's own)."""
     if not isinstance(torque_filter, TorqueFilter):
         raise InvalidArgumentError("torque_filter", f"must be a TorqueFilter, but is {type(torque_filter).__name__}")
     if torque_filter.system.n != controller.system.n:
         raise InvalidArgumentError(
             "torque_filter", f"is for {torque_filter.system.n} joints, the controller for {controller.system.n}"
         )
-    if abs(torque_filter.period - period) > 1e-9 * period:
+    if period is not None and abs(torque_filter.period - positive("control_period", period)) > 1e-9 * period:
         raise InvalidArgumentError(
             "torque_filter", f"works every {torque_filter.period:g} s, but the control period is {period:g} s"
         )
