@@ -22,10 +22,13 @@ from phcontrol.mechanics.kernels import KERNELS
 from phcontrol.mechanics.state import INTERCONNECTIONS
 
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
+FEATURES = np.array([0.003, -0.002, 0.0025])  # (μ, ν, l) [m], for the laws of visual servoing
 BUDGETS = {  # of the ratio to Slotine-Li
     ("energy_shaping", "coriolis"): 1.0,
     ("force_feedback", "coriolis"): 2.0,
     ("force_feedback_measured", "coriolis"): 2.0,
+    ("hamiltonian_servo", "coriolis"): 5.0,
+    ("hamiltonian_servo", "canonical"): 20.0,
 }
 CANONICAL_BUDGET = 10.0
 
@@ -88,7 +91,7 @@ def step(
     """Return one control step of a law."""
     controller = make_controller(name, system, interconnection=form)
     state = np.full(controller.state_size, 0.1)
-    measured = Measured(external_force=force, total_force=force)
+    measured = Measured(external_force=force, total_force=force, features=FEATURES)
     return lambda: controller.evaluate(0.0, system.at(q, v), state, measured)
 
 

@@ -28,6 +28,7 @@ from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.safety.torque_filter import FilterStatus
 
 PERIOD = 1e-3  # [s]
+LAWS = [name for name in CONTROLLERS if "servo" not in name]  # those that need no camera
 ARMS = {"pera": (), "panda": ("panda_finger_joint1", "panda_finger_joint2")}  # and what is locked
 MARGIN = 0.01  # how far inside its position limits the filter keeps the arm [rad]
 
@@ -106,12 +107,12 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--duration", type=float, default=1.0, help="[s]")
-    parser.add_argument("--law", choices=list(CONTROLLERS))
+    parser.add_argument("--law", choices=LAWS)
     parser.add_argument("--arm", choices=list(ARMS))
     options = parser.parse_args()
     print(f"{'':<52}{'position':>10}{'velocity':>10}{'torque':>10}{'H_d grew':>11}{'told of':>11}{'fell':>5}")
     for arm in [options.arm] if options.arm else ARMS:
-        for law in [options.law] if options.law else CONTROLLERS:
+        for law in [options.law] if options.law else LAWS:
             for wall in (False, True):
                 for filtered in (False, True):
                     label = f"{arm} {law} {'wall' if wall else 'goal'} {'with' if filtered else 'without'}"

@@ -11,8 +11,10 @@ from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
+from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
@@ -27,6 +29,7 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     MissingMeasurementError,
     NonFiniteTorqueError,
+    ObjectLostError,
     PHControlError,
     RobotDescriptionError,
     SimulationError,
@@ -42,6 +45,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.torque_filter import FilteredTorque, FilterStatus, TorqueFilter
+from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -54,6 +58,14 @@ from phcontrol.simulation.log import Log, PowerBalance
 from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm
+from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.feature_flow import FeatureFlow
+from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+from phcontrol.vision.rendered_view import RenderedView
+from phcontrol.vision.rendering import Renderer
 
 __all__ = [
     "CONTROLLERS",
@@ -61,6 +73,7 @@ __all__ = [
     "NOTHING",
     "ArmDriver",
     "Body",
+    "CameraSensor",
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
@@ -73,6 +86,7 @@ __all__ = [
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "FeatureFlow",
     "FilterStatus",
     "FilteredTorque",
     "ForceConditions",
@@ -82,6 +96,7 @@ __all__ = [
     "ForceSensor",
     "GainBound",
     "GripperSpring",
+    "HamiltonianServo",
     "Holding",
     "ImpedanceGrasping",
     "IntegralAction",
@@ -96,11 +111,17 @@ __all__ = [
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
+    "ObjectLostError",
+    "ObservedObject",
     "PHControlError",
     "PacketFaults",
+    "PinholeCamera",
     "PowerBalance",
     "Pulse",
     "Reading",
+    "ReductionServo",
+    "RenderedView",
+    "Renderer",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
@@ -126,7 +147,10 @@ __all__ = [
     "damping_for_gain",
     "drive",
     "equilibrium",
+    "extract_features",
     "force_control_conditions",
+    "goal_posture",
+    "interaction_matrix",
     "l2_gain",
     "load_robot",
     "make_controller",

@@ -57,6 +57,16 @@ class NonFiniteTorqueError(PHControlError):
         self.time, self.evidence = time, evidence
 
 
+class ObjectLostError(PHControlError):
+    """The object that a servo law steers by is not seen; no torque is made of it. Carries time and features."""
+
+    def __init__(self, controller: str, time: float, features: object, problem: str) -> None:
+        super().__init__(
+            f"{controller} lost its object at t = {time:g} s: {problem}. With lost='hold' the arm would stop and wait"
+        )
+        self.controller, self.time, self.features = controller, time, features
+
+
 class SimulationError(PHControlError):
     """A simulation could not go on. ``log`` holds everything up to the last good step."""
 

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 from phcontrol import Log
 from phcontrol.cli import app
-from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.registry import CONTROLLERS, laws_for
+from tests.conftest import make_system
 
 QUICK = ["--robot", "pera_shoulder", "--duration", "0.2", "--samples", "3"]
 
@@ -45,13 +46,30 @@ def test_options_of_the_run_reach_it(tmp_path):
     assert metadata["integrator"] == "semi_implicit_euler"
 
 
+@pytest.mark.parametrize("options", [["--camera-rate", "50"], ["--controller", "reduction_servo"]])
+def test_run_servo_writes_log_picture_and_certificate(tmp_path, options):
+    result = run(
+        "run", "servo", "--robot", "pera_shoulder_elbow", "--duration", "4", "--samples", "3", *options,
+        "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "largest error of a feature" in result.output
+    log = Log.load(tmp_path / "log.npz")
+    assert abs(log.features[-1] - [0.0, 0.0, 0.002]).max() < 2e-4
+    assert ("features" in log.measured) is ("--camera-rate" in options)
+    assert json.loads((tmp_path / "certificate.json").read_text())["passed"] is True
+    assert (tmp_path / "servo.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_certify_all_as_table_and_as_json():
     table = run("certify", "--robot", "pera_shoulder", "--samples", "3")
     assert table.exit_code == 0, table.output
-    assert table.output.count("passed") == 2 * len(CONTROLLERS)
+    applicable = laws_for(make_system("pera_shoulder"))
+    assert table.output.count("passed") == 2 * len(applicable)
+    assert "hamiltonian_servo is not for this arm: system: has 2 joints" in table.output
     data = run("certify", "--robot", "pera_shoulder", "--samples", "3", "--json")
     rows = json.loads(data.output)
-    assert {row["law"] for row in rows} == set(CONTROLLERS)
+    assert {row["law"] for row in rows} == set(applicable)
     assert all(row["passed"] for row in rows)
 
 
@@ -96,6 +114,15 @@ def test_listings(command):
         (["run", "position", *QUICK, "--set", "stiffness=soft"], "error: --set: 'stiffness' must be a number"),
         (["run", "position", *QUICK, "--set", "stiffness"], "error: --set: must be NAME=VALUE"),
         (["run", "position", *QUICK, "--integrator", "euler"], "error: unknown integrator 'euler'"),
+        (
+            ["run", "position", "--controller", "hamiltonian_servo"],
+            "error: controller: hamiltonian_servo steers by an image, not to a posture: use 'run servo'",
+        ),
+        (["run", "servo", "--controller", "energy_shaping"], "error: unknown servo law 'energy_shaping'"),
+        (["run", "servo", "--start", "a,b"], "error: --start: must be numbers like 0,0,0.002"),
+        (["run", "servo", "--goal", "0,0"], "error: features: must have shape (3,)"),
+        (["certify", "--controller", "hamiltonian_servo", "--robot", "pera_shoulder"], "error: system: has 2 joints"),
+        (["certify", "--controller", "reduction_servo", "--set", 'frame="eye"'], "error: unknown frame 'eye' of pera"),
         (["run", "nothing"], "No such command 'nothing'"),
         (["certify", "--wrong"], "No such option: --wrong"),
     ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from phcontrol._validation import Array, count
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.simulation.log import Log
+from phcontrol.vision.scene import Scene
 
 MATCHING_TOLERANCE = 1e-6
 """On the matching and gradient residuals: finite differences of fourth order leave about 1e-10."""
@@ -45,6 +47,8 @@ class Certificate:
     """Largest Ḣ_d with no external force, divided by the power that flows, should be ≤ 0."""
     caveat: str = ""
     """What the law itself does not claim; then a growing storage function is no failure, but is shown."""
+    conditions: dict[str, float] = field(default_factory=dict)
+    """What the law's claim rests on beside, at its goal and along a run if one was given: each must be positive."""
 
     @property
     def matching_passed(self) -> bool:
@@ -62,13 +66,20 @@ class Certificate:
         return self.largest_storage_rate <= MATCHING_TOLERANCE
 
     @property
+    def conditions_passed(self) -> bool:
+        """Whether what the law's claim rests on holds."""
+        return all(value > 0.0 for value in self.conditions.values())
+
+    @property
     def passed(self) -> bool:
         """Whether everything passed."""
-        return self.matching_passed and self.structure_passed and (self.storage_passed or bool(self.caveat))
+        stores = self.storage_passed or bool(self.caveat)
+        return self.matching_passed and self.structure_passed and stores and self.conditions_passed
 
     def to_dict(self) -> dict[str, Any]:
         """Return figures, tolerances and verdict, for JSON. What is not finite becomes None."""
         figures = {key: _finite_or_none(value) for key, value in asdict(self).items()}
+        figures["conditions"] = {name: _finite_or_none(value) for name, value in self.conditions.items()}
         tolerances = {"matching_tolerance": MATCHING_TOLERANCE, "structure_tolerance": STRUCTURE_TOLERANCE}
         return figures | tolerances | {"passed": self.passed}
 
@@ -90,6 +101,8 @@ class Certificate:
                     self.smallest_dissipation >= -STRUCTURE_TOLERANCE),
                 row("largest storage rate, f_e = 0", self.largest_storage_rate, "<=", MATCHING_TOLERANCE,
                     self.storage_passed),
+                *(f"  {name}: {value:.3g}, must be > 0 {'ok' if value > 0.0 else 'FAILED'}"
+                  for name, value in self.conditions.items()),
                 *([f"  not claimed: {self.caveat}"] if self.caveat else []),
             ]
         )  # fmt: skip
@@ -101,6 +114,7 @@ def certify(
     *,
     samples: int = 50,
     seed: int = 0,
+    log: Log | None = None,
 ) -> Certificate:
     """Check a controller's promise at random states of a plant.
 
@@ -115,6 +129,8 @@ def certify(
             says what the law promises there, and fails by how much the model is wrong.
         samples: number of states.
         seed: of the random numbers.
+        log: a run under the law; then what its claim rests on (``Controller.conditions``) is checked at each
+            sample of it too, not only at the goal.
     """
     count("samples", samples)
     plant = controller.system if system is None else system
@@ -134,7 +150,20 @@ def certify(
         smallest_dissipation=float(-worst[3]),
         largest_storage_rate=float(worst[4]),
         caveat=controller.caveat,
+        conditions=_conditions(controller, log),
     )
+
+
+def _conditions(controller: Controller, log: Log | None) -> dict[str, float]:
+    """Return the smallest value of each condition, at the goal and along a run."""
+    conditions = {f"{name}, at the goal": value for name, value in controller.goal_conditions().items()}
+    for k in range(0 if log is None else len(log)):
+        assert log is not None
+        x = controller.system.at(log.position[k], log.velocity[k])
+        for name, value in controller.conditions(x, log.true_measurement(k)).items():
+            label = f"{name}, along the run"
+            conditions[label] = min(value, conditions.get(label, np.inf))
+    return conditions
 
 
 def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.random.Generator) -> Array:
@@ -143,13 +172,12 @@ def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.
     position, velocity = plant.robot.random_position(generator), generator.normal(size=n)
     state = controller.random_state(generator)
     time, force = float(generator.uniform(0.0, 10.0)), generator.normal(scale=5.0, size=n)
-    flow = _Flow(controller, plant, time, position, velocity, state, force)
-    target = controller.target(time, flow.model_state(0.0), state, flow.measured)
-    promised, actual = target.rate(force), flow.derivative(flow.coordinates)
-    scale = max(1.0, float(np.abs(actual).max()))
-    matching = float(np.abs(actual - promised).max()) / scale
+    scene = controller.random_scene(plant.at(position, velocity), generator)
+    flow = _Flow(controller, plant, time, position, velocity, state, force, scene)
+    target = controller.target(time, flow.model_state(0.0), state, flow.measured(0.0))
+    matching, actual, step = _matching_residual(flow, target.rate(force))
 
-    storage_rate = float(flow.derivative(flow.storage))
+    storage_rate = float(flow.derivative(flow.storage, step))
     products = target.gradient * actual
     power = max(1.0, float(np.abs(products).sum()))
     gradient = abs(storage_rate - float(products.sum())) / power
@@ -160,11 +188,27 @@ def _check_state(controller: Controller, plant: MechanicalSystem, generator: np.
     values = np.linalg.eigvalsh(target.dissipation)
     indefiniteness = max(-float(values[0]), asymmetry) / max(1e-300, float(np.abs(values).max()))
 
-    free = _Flow(controller, plant, time, position, velocity, state, np.zeros(n))
+    free = _Flow(controller, plant, time, position, velocity, state, np.zeros(n), scene)
     free_power = max(1.0, float(np.abs(target.gradient * free.derivative(free.coordinates)).sum()))
     growth = float(free.derivative(free.storage)) / free_power
     figures = np.array([matching, gradient, skewness, indefiniteness, growth])
     return np.where(np.isnan(figures), np.inf, figures)
+
+
+def _matching_residual(flow: _Flow, promised: Array) -> tuple[float, Array, float]:
+    """Return the residual, ẋ by finite differences, and their step: the longer or, where that errs, the shorter.
+
+    Near singularities of a law ẋ bends within a step; a wrong law shows with every step.
+    """
+    best, rate, chosen = np.inf, promised, _STEP
+    for step in (_STEP, _STEP / 8.0):
+        actual = flow.derivative(flow.coordinates, step)
+        residual = float(np.abs(actual - promised).max()) / max(1.0, float(np.abs(actual).max()))
+        if residual < best or np.isnan(residual):
+            best, rate, chosen = residual, actual, step
+        if not best > 1e-3 * MATCHING_TOLERANCE:
+            break
+    return best, rate, chosen
 
 
 class _Flow:
@@ -179,14 +223,22 @@ class _Flow:
         velocity: Array,
         state: Array,
         force: Array,
+        scene: Scene | None,
     ) -> None:
-        self.controller, self.time, self.state = controller, time, state
-        self.position, self.velocity = position, velocity
+        self.controller, self.plant, self.time, self.state = controller, plant, time, state
+        self.position, self.velocity, self.scene = position, velocity, scene
         x = plant.at(position, velocity)
-        self.measured = measure_truly(x, force, Measured._fields)
-        command = controller.evaluate(time, controller.system.at(position, velocity), state, self.measured)
+        self.at_start = measure_truly(x, force, Measured._fields, scene)
+        command = controller.evaluate(time, controller.system.at(position, velocity), state, self.at_start)
         self.state_rate = command.state_rate
         self.acceleration = x.acceleration(command.torque, force)
+
+    def measured(self, shift: float) -> Measured:
+        """Return what sensors show ``shift`` seconds along the flow: the same forces, and where the object then is."""
+        if self.scene is None:
+            return self.at_start
+        x = self.plant.at(self.position + shift * self.velocity)
+        return self.at_start._replace(features=self.scene.features(x, self.scene.initial_state()))
 
     def model_state(self, shift: float) -> Any:
         """Return the controller's view of the plant ``shift`` seconds along the flow."""
@@ -196,16 +248,15 @@ class _Flow:
 
     def coordinates(self, shift: float) -> Array:
         state = self.state + shift * self.state_rate
-        return self.controller.coordinates(self.time + shift, self.model_state(shift), state, self.measured)
+        return self.controller.coordinates(self.time + shift, self.model_state(shift), state, self.measured(shift))
 
     def storage(self, shift: float) -> float:
         state = self.state + shift * self.state_rate
-        return self.controller.storage(self.time + shift, self.model_state(shift), state, self.measured)
+        return self.controller.storage(self.time + shift, self.model_state(shift), state, self.measured(shift))
 
-    def derivative(self, function: Any) -> Any:
+    def derivative(self, function: Any, step: float = _STEP) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""
-        step = _STEP / max(1.0, float(np.abs(self.velocity).max()))
-        return central_difference(function, step)
+        return central_difference(function, step / max(1.0, float(np.abs(self.velocity).max())))
 
 
 def _finite_or_none(value: Any) -> Any:

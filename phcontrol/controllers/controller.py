@@ -17,6 +17,7 @@ from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, 
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.vision.scene import Scene
 
 EMPTY: Array = np.zeros(0)
 EMPTY.flags.writeable = False
@@ -176,6 +177,18 @@ class Controller(ABC):
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia at the goal."""
 
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene | None:
+        """Draw something to see from a state, for checks at random states; None for a law without eyes."""
+        return None
+
+    def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
+        """Return what the law's claim rests on beside its target, by name: each must be positive at this state."""
+        return {}
+
+    def goal_conditions(self) -> dict[str, float]:
+        """Return the ``conditions`` at the goal."""
+        return {}
+
     # --- what every law does alike --------------------------------------------------------------
 
     def initial_state(self, x: MechanicalState) -> Array:
@@ -239,6 +252,11 @@ class Controller(ABC):
         return result
 
     @classmethod
+    def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Array:
+        """Return the goal as an array, or the default one: a posture [rad], by default the robot's home."""
+        return system.robot.home if goal is None else vector("goal", goal, system.n)
+
+    @classmethod
     def tuned(
         cls: type[Law],
         system: MechanicalSystem,
@@ -249,14 +267,15 @@ class Controller(ABC):
     ) -> Law:
         """Make the law with gains that suit the robot; ``options`` replaces any of them by name.
 
-        Without a goal the robot's home is used. Raises UnknownNameError for a misspelt option.
+        Without a goal the law's own choice is used, for most the robot's home. Raises UnknownNameError for a
+        misspelt option.
         """
-        position = system.robot.home if goal is None else vector("goal", goal, system.n)
+        checked_goal = cls.check_goal(system, goal)
         known = [name for name in inspect.signature(cls).parameters if name not in ("system", "interconnection")]
         for name in options:
             if name not in known:
                 raise UnknownNameError("option", name, known, f" of {cls.name}")
-        gains = cls.default_gains(system, position) | options
+        gains = cls.default_gains(system, checked_goal) | options
         return cls(system, interconnection=interconnection, **gains)
 
 

@@ -13,8 +13,10 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
+from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.mechanics.system import MechanicalSystem
 
@@ -28,6 +30,8 @@ class Entry:
     source: str
     needs: str = "q, q̇"
     options: dict[str, Any] = field(default_factory=dict)
+    minimum_joints: int = 1
+    """How many joints an arm needs for the law."""
 
 
 CONTROLLERS: dict[str, Entry] = {
@@ -79,7 +83,26 @@ CONTROLLERS: dict[str, Entry] = {
         "q, q̇, external force",
         {"compensate_external_force": True},
     ),
+    "reduction_servo": Entry(
+        ReductionServo,
+        "brings an object to where it should be in the image of a camera in the hand, with a constant gain",
+        "Theorem 5.2.2, errata E16 to E18",
+        "q, q̇, image features",
+        minimum_joints=3,
+    ),
+    "hamiltonian_servo": Entry(
+        HamiltonianServo,
+        "the same with a port-Hamiltonian closed loop, by the inverse of the image Jacobian",
+        "Theorem 5.2.3, errata E16 to E19",
+        "q, q̇, image features",
+        minimum_joints=3,
+    ),
 }
+
+
+def laws_for(system: MechanicalSystem) -> list[str]:
+    """Return the names of the laws that an arm has joints enough for."""
+    return [name for name, entry in CONTROLLERS.items() if entry.minimum_joints <= system.n]
 
 
 def make_controller(

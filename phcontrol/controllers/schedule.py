@@ -14,6 +14,7 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.vision.scene import Scene
 
 
 class Schedule(Controller):
@@ -92,6 +93,10 @@ class Schedule(Controller):
         """State what the active law states."""
         law, part = self._part(t, state)
         return law.shape(t, x, part, measured)
+
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene | None:
+        """Draw something to see for the first law that has eyes."""
+        return next((law.random_scene(x, generator) for law in self.laws if "features" in law.needs), None)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return the active law's storage function [J]."""

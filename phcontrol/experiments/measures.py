@@ -1,9 +1,11 @@
-"""Numbers read off a log with contact."""
+"""Numbers read off a log."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from phcontrol._validation import Array
 from phcontrol.simulation.log import Log
 
 
@@ -21,7 +23,17 @@ def arrival_time(log: Log, position: float, within: float) -> float:
 
 def settling_time(log: Log, force: float, within: float = 0.05) -> float:
     """Return from when the contact force stays within a fraction of a wished one [s]; infinite if never."""
-    outside = np.flatnonzero(np.abs(log.contact_force - force) > within * force)
+    return _stays_from(log, np.abs(log.contact_force - force) <= within * force)
+
+
+def feature_settling_time(log: Log, goal: Array, within: float) -> float:
+    """Return from when every image feature stays within a distance [m] of its goal [s]; infinite if never."""
+    return _stays_from(log, np.abs(log.features - goal).max(axis=1) <= within)
+
+
+def _stays_from(log: Log, inside: NDArray[np.bool_]) -> float:
+    """Return from when a condition holds to the end [s]; infinite if it does not hold at the end."""
+    outside = np.flatnonzero(~inside)
     if outside.size == 0:
         return 0.0
     return float(log.time[outside[-1] + 1]) if outside[-1] + 1 < len(log) else float("inf")

@@ -6,20 +6,25 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._files import write_json
-from phcontrol._validation import Array
+from phcontrol._validation import Array, choice
 from phcontrol.analysis.certificate import Certificate, certify
 from phcontrol.controllers.controller import Controller
-from phcontrol.controllers.registry import make_controller
+from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.visual_servo import VisualServo
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REACHABLE = {"pera": (-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2), "pera_shoulder": (1.0, 0.5), "pera_gripper": (0.6,)}
 """Postures inside the joint limits, for the shipped arms [rad]."""
@@ -39,6 +44,11 @@ class PositionRun:
     def final_error(self) -> float:
         """Largest joint error at the end [rad]."""
         return float(np.abs(self.log.position[-1] - self.goal).max())
+
+    @property
+    def outcome(self) -> str:
+        """Return what is left of the error at the end, in words."""
+        return f"{self.final_error:.2e} rad (largest joint error)"
 
     @property
     def real_time_factor(self) -> float:
@@ -64,7 +74,7 @@ class PositionRun:
         return "\n".join(
             [
                 f"{log.metadata['controller']} ({log.metadata['interconnection']}) on {robot.name}, {robot.n} joints",
-                f"  final error        {self.final_error:.2e} rad after {log.time[-1]:g} s (largest joint error)",
+                f"  final error        {self.outcome} after {log.time[-1]:g} s",
                 f"  storage H_d        {log.storage[0]:.3g} J -> {log.storage[-1]:.3g} J, "
                 + ("never grew" if grew <= 1e-9 * log.storage[0] else f"grew by up to {grew:.2g} J in a step"),
                 f"  plant's power      balances to {balance.largest_residual:.1e} W "
@@ -77,17 +87,25 @@ class PositionRun:
             ]
         )
 
+    picture = "position.png"
+
     def write(self, directory: str | os.PathLike[str]) -> list[Path]:
         """Write log, picture and certificate; return where."""
-        from phcontrol.visualization.plots import run_figure, save_figure
+        from phcontrol.visualization.plots import save_figure
 
         folder = Path(directory)
         title = f"{self.robot.name} under {self.log.metadata['controller']} ({self.log.metadata['interconnection']})"
         return [
             self.log.save(folder / "log.npz"),
             write_json(folder / "certificate.json", self.certificate.to_dict()),
-            save_figure(run_figure(self.log, self.robot, self.goal, title), folder / "position.png"),
+            save_figure(self.figure(title), folder / self.picture),
         ]
+
+    def figure(self, title: str) -> Figure:
+        """Return a picture of the run."""
+        from phcontrol.visualization.plots import run_figure
+
+        return run_figure(self.log, self.robot, self.goal, title)
 
 
 def reachable_goal(robot: Robot) -> Array:
@@ -123,6 +141,8 @@ def run_position(
         options: gains of the law, replacing the defaults.
         simulation: passed on to ``simulate``.
     """
+    if issubclass(CONTROLLERS[choice("controller", controller, CONTROLLERS)].law, VisualServo):
+        raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
     law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **(options or {}))
     start = time.perf_counter()

@@ -46,6 +46,9 @@ STUDIES: dict[str, Study] = {
     "fig-4-10": _grasp("fig-4-10", "compliant", "force", True),
     "pera-press": Study("pera_press", "the seven-joint arm presses a wall with 10 N, soft to hard"),
     "grasp-grid": Study("grasp_grid", "the grasping laws compared under equal conditions, over bodies and gains"),
+    "fig-5-3": Study("fig_5_3", "visual servoing of the three-joint arm with both laws (thesis figure 5.3)"),
+    "servo-pera": Study("servo_pera", "visual servoing of the seven-joint arm from 24 random starts"),
+    "servo-images": Study("servo_images", "the same from the pixels of rendered images with noise, at camera rate"),
 }
 
 

@@ -89,6 +89,10 @@ class CoupledMechanicalState(MechanicalState):
         result: Array = full @ self._map
         return result
 
+    def frame_jacobian_and_rate(self, frame: str, reference: str) -> tuple[Array, Array]:
+        """Return 𝒥 and 𝒥̇ along q̇, shape (6, n) each."""
+        return self.frame_jacobian(frame, reference), self.frame_jacobian_rate(frame, reference)
+
     def frame_jacobian_derivative(self, frame: str, reference: str) -> Array:
         """Return ∂𝒥/∂q, shape (n, 6, n)."""
         system, index = self.system, self.system.frame_id(frame)

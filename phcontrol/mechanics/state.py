@@ -323,6 +323,13 @@ class MechanicalState:
             system.model, system.data, self.position, self.velocity, index, frame_of_reference(reference)
         )
 
+    def frame_jacobian_and_rate(self, frame: str, reference: str) -> tuple[Array, Array]:
+        """Return 𝒥 and 𝒥̇ along q̇ in one pass, shape (6, n) each."""
+        system = self.system
+        return derivatives.frame_jacobian_and_rate(
+            system.model, system.data, self.position, self.velocity, system.frame_id(frame), REFERENCES[reference]
+        )
+
     def frame_jacobian_derivative(self, frame: str, reference: str) -> Array:
         """Return ∂𝒥/∂q, shape (n, 6, n): [k] is ∂𝒥/∂q_k."""
         system, index = self.system, self.system.frame_id(frame)

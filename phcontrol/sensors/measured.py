@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from phcontrol._validation import Array
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.vision.scene import Scene
 
 
 class Measured(NamedTuple):
@@ -16,15 +17,26 @@ class Measured(NamedTuple):
     """f_e, shape (n,): generalised force of the environment on the joints [N·m]."""
     total_force: Array | None = None
     """f = −∂H/∂q − D q̇ + f_e, shape (n,): all forces but the motors' (3.52) [N·m]."""
+    features: Array | None = None
+    """τ = (μ, ν, l), shape (3,): where in the image an object is, and how long (5.1) [m]; NaN when not seen."""
 
 
 NOTHING = Measured()
 """No measurement at all."""
 
 
-def measure_truly(x: MechanicalState, external_force: Array, quantities: Collection[str]) -> Measured:
-    """Return what perfect sensors of the named quantities would show at a state of the plant."""
+def measure_truly(
+    x: MechanicalState,
+    external_force: Array,
+    quantities: Collection[str],
+    scene: Scene | None = None,
+    scene_state: Array | None = None,
+) -> Measured:
+    """Return what perfect sensors of the named quantities would show at a state of the plant, looking at a scene."""
     return Measured(
         external_force=external_force if "external_force" in quantities else None,
         total_force=x.total_force(external_force) if "total_force" in quantities else None,
+        features=None
+        if scene is None or "features" not in quantities
+        else scene.features(x, scene.initial_state() if scene_state is None else scene_state),
     )

@@ -17,7 +17,13 @@ from phcontrol._validation import Array, choice, per_joint, positive, sequence, 
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
-from phcontrol.exceptions import InvalidArgumentError, PHControlError, SimulationError, SimulationInterrupted
+from phcontrol.exceptions import (
+    InvalidArgumentError,
+    ObjectLostError,
+    PHControlError,
+    SimulationError,
+    SimulationInterrupted,
+)
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
@@ -27,6 +33,7 @@ from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.sampled_control import check_filter
 from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
+from phcontrol.vision.scene import Scene
 
 
 def simulate(
@@ -45,6 +52,7 @@ def simulate(
     torque_filter: TorqueFilter | None = None,
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
+    scene: Scene | None = None,
     progress: bool | None = None,
 ) -> Log:
     """Run a plant under a controller and return the log.
@@ -69,6 +77,8 @@ def simulate(
         sensors: what shows the controller the forces, each updated at the start of a step (or at its own period)
             and held until the next. By default every needed measurement is the truth, at every instant.
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
+        scene: what a camera in the hand sees, for laws that need image features; a state that it has is integrated
+            with the loop.
         progress: show a progress bar; by default only on a terminal.
 
     Raises:
@@ -98,8 +108,11 @@ def simulate(
         control_period,
         bodies,
         torque_filter,
+        scene,
     )
+    _check_scene(controller, scene, sensors)
     body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
+    scene_state = np.zeros(0) if scene is None else scene.initial_state()
     instruments = None if sensors is None else Instruments(sensors, dt)
     stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
     steps = max(1, math.ceil(duration / dt - 1e-9))
@@ -107,7 +120,7 @@ def simulate(
         loop,
         steps + 1,
         state.size,
-        body_state.size,
+        body_state.size + scene_state.size,
         [] if instruments is None else [sensor.quantity for sensor in instruments.sensors],
         {
             "robot": system.robot.name,
@@ -121,7 +134,7 @@ def simulate(
                          "python": platform.python_version()},
         },
     )  # fmt: skip
-    y = np.concatenate([position, velocity, state, body_state])
+    y = np.concatenate([position, velocity, state, body_state, scene_state])
     disable = None if progress is None else not progress
     done, k = 0, 0
     try:
@@ -134,7 +147,7 @@ def simulate(
                 if stride and k % stride == 0:
                     y = loop.sample(t, y)
                 rate = loop.rate(t, y)
-                log.record(k, t, y, loop.torque, loop.external_force)
+                log.record(k, t, y, loop.torque, loop.external_force, loop.features)
                 if torque_filter is not None:
                     log.record_filter(k, loop)
                 if instruments is not None:
@@ -150,7 +163,8 @@ def simulate(
     except SimulationError:
         raise
     except PHControlError as error:
-        message = f"stopped at t = {k * dt:g} s: {error}. Try a smaller dt ({dt:g} s) or lower gains"
+        advice = "" if isinstance(error, ObjectLostError) else f". Try a smaller dt ({dt:g} s) or lower gains"
+        message = f"stopped at t = {k * dt:g} s: {error}{advice}"
         raise SimulationError(message, log.truncated()) from error
     except KeyboardInterrupt as error:
         raise SimulationInterrupted(f"interrupted at t = {k * dt:g} s", log.truncated()) from error
@@ -175,6 +189,14 @@ def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit
+
+
+def _check_scene(controller: Controller, scene: Scene | None, sensors: Sequence[Sensor] | None) -> None:
+    shown = any(sensor.quantity == "features" for sensor in sensors or ())
+    if "features" in controller.needs and scene is None and not shown:
+        raise InvalidArgumentError(
+            "scene", f"{controller.name} needs image features: say what there is to see, scene=ObservedObject(...)"
+        )
 
 
 def _check_bodies(bodies: Sequence[Body], x: MechanicalState, dt: float, integrator: str) -> Array:

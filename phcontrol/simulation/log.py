@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 FORMAT = "phcontrol-log-1"
 _RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
 _MEASURED, _FILTER = "measured_", "filter_"
+_FEATURES = 3
 _DERIVED = (
     "kinetic_energy",
     "potential_energy",
@@ -116,7 +117,12 @@ class Log:
             "torque": np.zeros((samples, n)),
             "external_force": np.zeros((samples, n)),
         }
-        data |= {f"{_MEASURED}{quantity}": np.zeros((samples, n)) for quantity in measured}
+        data |= {
+            f"{_MEASURED}{quantity}": np.zeros((samples, _FEATURES if quantity == "features" else n))
+            for quantity in measured
+        }
+        if loop.scene is not None:
+            data["features"] = np.zeros((samples, _FEATURES))
         if loop.sampled is not None and loop.sampled.filter is not None:
             data[f"{_FILTER}wished_torque"] = np.zeros((samples, n))
             data |= {f"{_FILTER}{name}": np.zeros(samples) for name in ("status", "motion_excess", "storage_excess")}
@@ -124,13 +130,17 @@ class Log:
         log._length, log._states = 0, states
         return log
 
-    def record(self, k: int, t: float, y: Array, torque: Array, external_force: Array) -> None:
+    def record(
+        self, k: int, t: float, y: Array, torque: Array, external_force: Array, features: Array | None = None
+    ) -> None:
         """Write sample k."""
         data = self._data
         data["time"][k] = t
         self._states[k] = y
         data["torque"][k] = torque
         data["external_force"][k] = external_force
+        if features is not None:
+            data["features"][k] = features
         self._length = k + 1
 
     def record_measured(self, k: int, measured: Measured) -> None:
@@ -194,8 +204,15 @@ class Log:
 
     @property
     def body_state(self) -> Array:
-        """The touched bodies' own states, shape (N, size)."""
+        """The touched bodies' own states, then the scene's, shape (N, size)."""
         return self._data["body_state"]
+
+    @property
+    def features(self) -> Array:
+        """True image features (μ, ν, l), shape (N, 3) [m]. Raises PHControlError for a run without a scene."""
+        if "features" not in self._data:
+            raise PHControlError("this log has no image features: the run had no scene")
+        return self._data["features"]
 
     @property
     def measured(self) -> dict[str, Array]:
@@ -211,6 +228,12 @@ class Log:
         beyond what the law was dissipating [W].
         """
         return {name[len(_FILTER) :]: array for name, array in self._data.items() if name.startswith(_FILTER)}
+
+    def true_measurement(self, k: int) -> Measured:
+        """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
+        return Measured(
+            self.external_force[k], features=self._data["features"][k] if "features" in self._data else None
+        )
 
     # --- derived ------------------------------------------------------------------------------------
 
@@ -297,7 +320,7 @@ class Log:
             x = loop.plant.at(self.position[k], self.velocity[k])
             view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
             state, force = self.controller_state[k], self.external_force[k]
-            measured = Measured(external_force=force)
+            measured = self.true_measurement(k)
             target = loop.controller.target(t, view, state, measured)
             outputs[k] = target.port.T @ target.gradient
             rows[k] = (
@@ -360,7 +383,8 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
-        kept = [name for name in self._data if name in _RECORDED or name.startswith((_MEASURED, _FILTER))]
+        prefixes = (_MEASURED, _FILTER)
+        kept = [name for name in self._data if name in (*_RECORDED, "features") or name.startswith(prefixes)]
         data = {name: self._data[name] for name in kept} | self._derived
         limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
         metadata = self.metadata | {"format": FORMAT}
@@ -395,6 +419,8 @@ class Log:
         names = self.metadata["joint_names"]
         for quantity in ("position", "velocity", "torque", "external_force"):
             columns |= {f"{quantity}/{name}": self._data[quantity][:, i] for i, name in enumerate(names)}
+        if "features" in self._data:
+            columns |= {f"features/{name}": self.features[:, i] for i, name in enumerate(("mu", "nu", "length"))}
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
         columns |= {name: self._derived[name] for name in _DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
@@ -418,6 +444,8 @@ def _problem(data: dict[str, Array], metadata: dict[str, Any]) -> str:
             expected = (samples, *array.shape[1:2])
         elif name in ("time", *_DERIVED) or (name.startswith(_FILTER) and not name.endswith("torque")):
             expected = (samples,)
+        elif name.endswith("features"):
+            expected = (samples, _FEATURES)
         else:
             expected = (samples, n)
         if array.shape != expected or (name.endswith("_state") and array.ndim != 2):

@@ -13,15 +13,19 @@ from phcontrol.environments.body import Body
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
-from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.sampled_control import SampledControl
+from phcontrol.vision.scene import Scene
 
 ExternalForce = Callable[[float, MechanicalState], Array]
 """External force f_e(t, x) [N·m], shape (n,)."""
 
 
 class ClosedLoop:
-    """The vector field of plant, controller and bodies, on y = (q, q̇, controller state, bodies' states)."""
+    """The vector field of plant, controller, bodies and scene.
+
+    Its state is y = (q, q̇, controller state, bodies' states, scene's state).
+    """
 
     def __init__(
         self,
@@ -32,6 +36,7 @@ class ClosedLoop:
         control_period: float | None,
         bodies: Sequence[Body] = (),
         torque_filter: TorqueFilter | None = None,
+        scene: Scene | None = None,
     ) -> None:
         self.plant, self.controller, self.model = plant, controller, controller.system
         self.n = plant.n
@@ -42,6 +47,9 @@ class ClosedLoop:
         self.torque_limit = torque_limit
         self.control_period = control_period
         self.bodies = tuple(bodies)
+        self.scene = scene
+        self.features: Array | None = None
+        """What there is to see, at the last evaluation; None without a scene."""
         self._end = 2 * self.n
         self._bodies_start = self._end + controller.state_size
         self._plant_state, self._model_state = plant.state_type, self.model.state_type
@@ -51,15 +59,13 @@ class ClosedLoop:
             self.external_force = disturbance
         self._steady_force = self.external_force
         self._is_free = disturbance is None and not self.bodies
-        self._varies = self._disturbance is not None or bool(self.bodies)
+        self._scene_size = 0 if scene is None else scene.state_size
+        self._varies = self._disturbance is not None or bool(self.bodies) or scene is not None
         self._bodies_rate = np.zeros(0)
         self.measured: Measured | None = None
         """What sensors show; None when the controller is shown the truth."""
         self._truth = Measured(self.external_force)
-        self._needs = tuple(controller.needs)
-        self._needs_total_force = "total_force" in self._needs
-        if torque_filter is not None:
-            self._needs = (*self._needs, "external_force")  # for its prediction
+        self._needs_total_force = "total_force" in controller.needs
         self.sampled = (
             None if control_period is None else SampledControl(controller, control_period, torque_limit, torque_filter)
         )
@@ -73,7 +79,7 @@ class ClosedLoop:
         acceleration = x.acceleration(self.torque, None if self._is_free else self.external_force)
         if y.size == end:
             return np.concatenate((x.velocity, acceleration))
-        if self.bodies:
+        if self._bodies_rate.size:
             return np.concatenate((x.velocity, acceleration, state_rate, self._bodies_rate))
         return np.concatenate((x.velocity, acceleration, state_rate))
 
@@ -141,7 +147,9 @@ class ClosedLoop:
         view = x if self._same_model else self.model_state(x.position, x.velocity)
         measured = self.measured
         if measured is None:
-            measured = measure_truly(x, self.external_force, self._needs) if self._needs_total_force else self._truth
+            measured = self._truth
+            if self._needs_total_force:
+                measured = measured._replace(total_force=x.total_force(self.external_force))
         return view, measured
 
     def _disturb(self, t: float, x: MechanicalState, y: Array) -> None:
@@ -155,8 +163,18 @@ class ClosedLoop:
             touches = [body.touch(x, part) for body, part in zip(self.bodies, self.body_states(y), strict=True)]
             force = force + sum(touch.force for touch in touches)
             self._bodies_rate = np.concatenate([touch.state_rate for touch in touches])
+        if self.scene is not None:
+            self._look(self.scene, x, y)
         self.external_force = force
-        self._truth = Measured(force)
+        self._truth = Measured(force, features=self.features)
+
+    def _look(self, scene: Scene, x: MechanicalState, y: Array) -> None:
+        """Bring the features, and the rate of the scene's state, up to date."""
+        state = y[y.size - self._scene_size :]
+        self.features = scene.features(x, state)
+        if self._scene_size:
+            touched = self._bodies_rate[: y.size - self._scene_size - self._bodies_start]
+            self._bodies_rate = np.concatenate((touched, scene.rate(x, state)))
 
     def body_states(self, y: Array) -> list[Array]:
         """Return each body's part of y."""

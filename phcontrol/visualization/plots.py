@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 INK = "#30343b"
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#6b705c")
 """A palette that stays apart for colour-blind eyes, one colour a joint."""
+
+
+FEATURES = ("μ", "ν", "l")
+"""The image features: where an object is in the image, and how long."""
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -57,6 +61,13 @@ def plot_energy(axes: Axes, log: Log) -> None:
     axes.legend(fontsize=8)
 
 
+def plot_features(axes: Axes, log: Log, goal: Array, part: int, **style: Any) -> None:
+    """Draw the error of one image feature (0: μ, 1: ν, 2: l) over time in millimetres on the image plane."""
+    axes.plot(log.time, 1e3 * (log.features[:, part] - goal[part]), **style)
+    name = FEATURES[part]
+    _finish(axes, f"error of {name}", f"{name} − {name}$_d$ [mm]")
+
+
 def plot_poses(axes: Axes, log: Log, robot: Robot, poses: int = 7) -> None:
     """Draw the arm from the side, as lines through its joints, at even parts of its way."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(log.position, axis=0), axis=1))])
@@ -91,6 +102,21 @@ def run_figure(log: Log, robot: Robot, goal: Array | None, title: str) -> Figure
     axes = figure.subplots(2, 2)
     plot_poses(axes[0, 0], log, robot)
     plot_joints(axes[0, 1], log, goal)
+    plot_torques(axes[1, 0], log)
+    plot_energy(axes[1, 1], log)
+    return figure
+
+
+def servo_figure(log: Log, goal: Array, title: str) -> Figure:
+    """Return one page on a run of visual servoing: features, joints, torques, energy."""
+    figure = Figure(figsize=(12.0, 7.5), layout="constrained")
+    figure.suptitle(title, fontsize=13, color=INK)
+    axes = figure.subplots(2, 2)
+    for part, color in zip(range(len(FEATURES)), COLORS, strict=False):
+        plot_features(axes[0, 0], log, goal, part, color=color, label=FEATURES[part])
+    _finish(axes[0, 0], "errors of the image features", "[mm]")
+    axes[0, 0].legend(fontsize=8)
+    plot_joints(axes[0, 1], log)
     plot_torques(axes[1, 0], log)
     plot_energy(axes[1, 1], log)
     return figure

@@ -27,6 +27,9 @@ NOT_REPRODUCED = {
     "fig-4-10": {"impact-classical", "settled-grasping", "impact-regulated"},
     "pera-press": set(),
     "grasp-grid": {"contact", "impact", "settled"},
+    "fig-5-3": {"reduction-is-better"},
+    "servo-pera": {"positive-stable"},
+    "servo-images": set(),
 }
 
 

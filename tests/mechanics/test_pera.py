@@ -113,3 +113,29 @@ def test_every_link_that_moves_is_visible_and_every_joint_has_limits(name):
 def test_urdf_files_are_up_to_date_with_their_table():
     script = Path(__file__).parents[2] / "urdf" / "generate.py"
     assert subprocess.run([sys.executable, script, "--check"], check=False).returncode == 0
+
+
+def test_the_jacobians_of_section_5_4_and_their_misprints(rng):
+    """(5.56), (5.57) in the axes of DH frame 0, of the centre of mass of link 3; errata E21."""
+    system = make_system("pera_shoulder_elbow")
+    a2, a3 = 0.32, 0.14
+    base = system.at(np.zeros(3)).placement("shoulder").rotation
+    for q1, q2, q3 in rng.uniform(-np.pi, np.pi, size=(10, 3)):
+        x = system.at([q1, q2, q3])
+        jacobian = x.frame_jacobian("forearm", "local_world_aligned")
+        arm = x.placement("forearm").rotation @ [a3, 0.0, 0.0]
+        angular = base.T @ jacobian[3:]
+        linear = base.T @ (jacobian[:3] + np.cross(jacobian[3:].T, arm).T)
+        s1, c1, s2, c2 = np.sin(q1), np.cos(q1), np.sin(q2), np.cos(q2)
+        s23, c23 = np.sin(q2 + q3), np.cos(q2 + q3)
+        reach, height = a2 * c2 + a3 * c23, a2 * s2 + a3 * s23
+        np.testing.assert_allclose(angular, [[0, s1, s1], [0, -c1, -c1], [1, 0, 0]], atol=EXACT)
+        np.testing.assert_allclose(
+            linear,
+            [
+                [-s1 * reach, -c1 * height, -a3 * c1 * s23],
+                [c1 * reach, -s1 * height, -a3 * s1 * s23],
+                [0.0, reach, a3 * c23],
+            ],
+            atol=EXACT,
+        )

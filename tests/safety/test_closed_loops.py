@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from phcontrol import FilterStatus
-from phcontrol.controllers.registry import CONTROLLERS
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "limits.py"))
 run, violations = EXAMPLE["run"], EXAMPLE["violations"]
@@ -17,7 +16,7 @@ BUMP = 0.05  # of the velocity limits: what a wall can do within a period
 
 @pytest.mark.parametrize("wall", [False, True], ids=["goal", "wall"])
 @pytest.mark.parametrize("arm", ["pera", "panda"])
-@pytest.mark.parametrize("law", list(CONTROLLERS))
+@pytest.mark.parametrize("law", EXAMPLE["LAWS"])
 def test_the_filter_keeps_every_law_inside_the_limits(law, arm, wall):
     log = run(law, arm, wall, True, duration=0.4)
     found = violations(log, arm)

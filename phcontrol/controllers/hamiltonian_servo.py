@@ -1,0 +1,227 @@
+"""Visual servoing with a port-Hamiltonian closed loop (Theorem 5.2.3)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, gain, matrix
+from phcontrol.controllers.controller import Target
+from phcontrol.controllers.servo_velocity import ServoVelocity
+from phcontrol.controllers.singular_damping import SingularDamping
+from phcontrol.controllers.visual_servo import OBJECT_LENGTH, View, VisualServo
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.derivatives import transformed_velocity_derivative
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.vision.interaction import (
+    interaction_matrix,
+    interaction_matrix_derivative,
+    interaction_matrix_rate,
+)
+from phcontrol.vision.pinhole_camera import PinholeCamera
+
+SINGULAR_LEVER = 0.05
+"""The default region of damping is where a feature moves less than the image's length does with a lever of this [m]."""
+DAMPING_SHARE = 0.6
+"""λ₀/ε by default."""
+
+
+class HamiltonianServo(VisualServo):
+    """Bring image features to τ_d with a closed loop that is port-Hamiltonian (Theorem 5.2.3).
+
+        p̂ = p̄ + Tᵀs,   s = Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Λτ̄ + ψN k_n(q − q_r),   τ̄ = τ − τ_d
+        u = G⁻¹[∂V/∂q − M ṡ − (C + D)s − T C p̂ − Δ̄ᵀKτ̄]      (coriolis; in C s the Coriolis matrix)
+
+    The closed loop on (p̂, τ̄), with H_d = ½|p̂|² + ½τ̄ᵀKτ̄ and f_e entering the first row as T⁻¹f_e, is
+
+        [[J̄₂ − D̄ − C, −T⁻¹Δ̄ᵀ], [Δ̄T⁻ᵀ, −Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ]] ∇H_d,   Γ = ΛK⁻¹,  W = Γ/|Γ|,
+
+    thesis (5.27) to (5.46) for Λ = K = 1, λ = 0, k_n = 0, corrected: errata E16, E17, E19. Far from singularities
+    τ̄̇ = −Λτ̄ + Δ̄T⁻ᵀp̂.
+
+    Near singularities λ² > 0 (:class:`SingularDamping`); the loop stays port-Hamiltonian, its last block then damps
+    less. The posture term acts in the null space of Δ̄ (N = 1 − Δ̄†Δ̄), where the target does not see it; it
+    fades as λ² grows (ψ = 1 − λ²/λ₀²), because N turns fast there.
+
+    ``interconnection="coriolis"`` takes ṡ along the motion, from Δ̄̇ = Δ̇𝒥 + Δ𝒥̇; ``"canonical"`` from the full
+    ∂θ/∂q and ∂θ/∂τ of ``momentum_derivatives``, as (5.28) and (5.29) do.
+
+    Args:
+        system: the model of the arm.
+        goal: τ_d = (μ, ν, l) [m].
+        rate: Λ, scalar, vector or (3, 3) matrix, with KΛ + ΛᵀK positive definite [1/s].
+        stiffness: K, scalar, vector or matrix, positive definite [N·m/m²: weighs features in metres as energy].
+        damping: C, likewise (n, n), in the transformed coordinates [1/s].
+        posture: q_r [rad]; by default the robot's home.
+        posture_gain: k_n [1/s], for arms with more than three joints.
+        singular_damping: λ₀ [m/rad]; 0 for none, None for 0.6 ε.
+        singular_region: ε [m/rad]; None for 0.05 m · l_d²/(fL): what moves the length in the image with a lever
+            of 5 cm.
+        camera: by default one of f = 10 mm without bounds, at the robot's camera frame.
+        frame: the camera's frame, in place of the one that ``camera`` names.
+        object_length: L [m].
+        lost: "error" or "hold", see :class:`VisualServo`.
+        interconnection: "coriolis" or "canonical".
+    """
+
+    name = "hamiltonian_servo"
+
+    def __init__(
+        self,
+        system: MechanicalSystem,
+        *,
+        goal: ArrayLike,
+        rate: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        posture: ArrayLike | None = None,
+        posture_gain: float = 0.0,
+        singular_damping: float | None = None,
+        singular_region: float | None = None,
+        camera: PinholeCamera | None = None,
+        frame: str | None = None,
+        object_length: float = OBJECT_LENGTH,
+        lost: str = "error",
+        interconnection: str = "coriolis",
+    ) -> None:
+        super().__init__(
+            system,
+            goal=goal,
+            damping=damping,
+            posture=posture,
+            posture_gain=posture_gain,
+            camera=camera,
+            frame=frame,
+            object_length=object_length,
+            lost=lost,
+            interconnection=interconnection,
+        )
+        self.rate = matrix("rate", rate, 3)
+        self.stiffness = gain("stiffness", stiffness, 3)
+        product = self.stiffness @ self.rate
+        smallest = float(np.linalg.eigvalsh(product + product.T)[0])
+        if smallest <= 0.0:
+            raise InvalidArgumentError(
+                "rate", f"KΛ + ΛᵀK must be positive definite, but its smallest eigenvalue is {smallest:g}"
+            )
+        self._convergence = np.linalg.solve(self.stiffness, self.rate.T).T  # Γ = ΛK⁻¹
+        if singular_region is None:
+            singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
+        self.singular_damping = SingularDamping(
+            DAMPING_SHARE * singular_region if singular_damping is None else singular_damping,
+            singular_region,
+            self._convergence / np.linalg.norm(self._convergence, 2),
+        )
+        self._servo_velocity = ServoVelocity(self.rate, self.singular_damping)
+
+    @classmethod
+    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
+        """Return Λ = 2/s, K = 100, C = 5/s, and k_n = 2/s for arms with more than three joints."""
+        return super().default_gains(system, goal) | {"rate": 2.0, "stiffness": 100.0}
+
+    # --- s and ṡ ----------------------------------------------------------------------------------------
+
+    def servo_motion(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array]:
+        """Return s, ṡ and the effort −Δ̄ᵀKτ̄."""
+        if self._canonical:
+            s, s_rate, view = self._motion_by_gradients(x, features)
+        else:
+            s, s_rate, view = self._motion_along_flow(x, features)
+        return s, s_rate, -self.stiffness.dot(view.error).dot(view.image_jacobian)
+
+    def servo_velocity(self, x: MechanicalState, features: Array) -> Array:
+        """Return s(q, τ), shape (n,) [rad/s]."""
+        error, image_jacobian = self.view(x, features)
+        return self._servo_velocity.value(image_jacobian, error, self._pull(x))
+
+    def _motion_along_flow(self, x: MechanicalState, features: Array) -> tuple[Array, Array, View]:
+        """Return s, ṡ and the view, from directional derivatives along q̇ alone."""
+        f, length = self._focal_length, self.object_length
+        jacobian, jacobian_rate = x.frame_jacobian_and_rate(self.frame, "local")
+        delta = interaction_matrix(features, f, length)
+        B = delta.dot(jacobian)
+        error, features_rate = features - self.goal, B.dot(x.velocity)
+        B_rate = interaction_matrix_rate(features, features_rate, f, length).dot(jacobian)
+        B_rate += delta.dot(jacobian_rate)
+        pull_rate = self.posture_gain * x.velocity if self._holds_posture else None
+        s, s_rate = self._servo_velocity.along(B, B_rate, error, features_rate, self._pull(x), pull_rate)
+        return s, s_rate, View(error, B)
+
+    def _pull(self, x: MechanicalState) -> Array | None:
+        """Return k_n(q − q_r), shape (n,) [rad/s]; None without a posture term."""
+        return self.posture_gain * x.position_error(self.posture) if self._holds_posture else None
+
+    # --- the full derivatives ---------------------------------------------------------------------------
+
+    def momentum_derivatives(self, x: MechanicalState, features: Array) -> tuple[Array, Array]:
+        """Return ∂θ/∂q, shape (n, n), and ∂θ/∂τ, shape (n, 3), of θ = Tᵀs(q, τ), as in (5.28) and (5.29).
+
+        Column k is the derivative with respect to q_k, or to the k-th feature.
+        """
+        return self._gradients(x, features)[:2]
+
+    def _gradients(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array, View]:
+        """Return ∂θ/∂q, ∂θ/∂τ, s, and the view."""
+        f, length, n = self._focal_length, self.object_length, x.system.n
+        jacobian = x.frame_jacobian(self.frame, "local")
+        delta = interaction_matrix(features, f, length)
+        view = View(features - self.goal, delta @ jacobian)
+        by_position = delta @ x.frame_jacobian_derivative(self.frame, "local")
+        by_features = interaction_matrix_derivative(features, f, length) @ jacobian
+        s, ds = self._servo_velocity.derivatives(  # stacked: by n joints, then by three features
+            view.image_jacobian,
+            np.concatenate([by_position, by_features]),
+            view.error,
+            np.eye(n + 3, 3, -n),
+            self._pull(x),
+            self.posture_gain * np.eye(n + 3, n) if self._holds_posture else None,
+        )
+        theta_by_position = transformed_velocity_derivative(x.factor, x.factor_derivative, s, ds[:n].T)
+        return theta_by_position, x.factor.T @ ds[n:].T, s, view
+
+    def _motion_by_gradients(self, x: MechanicalState, features: Array) -> tuple[Array, Array, View]:
+        """Return s, ṡ = T⁻ᵀ(θ̇ − Ṫᵀs) with θ̇ = (∂θ/∂q)q̇ + (∂θ/∂τ)τ̇, and the view."""
+        by_position, by_features, s, view = self._gradients(x, features)
+        theta_rate = by_position @ x.velocity + by_features @ (view.image_jacobian @ x.velocity)
+        return s, x.solve_factor_transposed(theta_rate - s.dot(x.factor_rate)), view
+
+    # --- the promise ------------------------------------------------------------------------------------
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return H_d = ½|p̂|² + ½τ̄ᵀKτ̄ [J]; ½|p̄|² when no object is seen."""
+        energy = super().storage(t, x, state, measured)
+        features = self.seen(measured)
+        if features is None:
+            return energy
+        error = features - self.goal
+        return energy + float(0.5 * error @ self.stiffness @ error)
+
+    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return (p̂, τ̄); p̄ when no object is seen."""
+        momentum, features = self.adapted_momentum(x, measured), self.seen(measured)
+        return momentum if features is None else np.concatenate([momentum, features - self.goal])
+
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the closed loop on (p̂, τ̄); that of the braked arm on p̄ when no object is seen."""
+        upper, features = super().target(t, x, state, measured), self.seen(measured)
+        if features is None:
+            return upper
+        n = x.system.n
+        error, B = self.view(x, features)
+        square = B @ B.T
+        damped, last = self.singular_damping.at(square), self._convergence
+        if damped is not None:  # Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ
+            last = square @ np.linalg.solve(square + damped[0] * self.singular_damping.weight, last)
+        coupling = x.solve_factor(B.T)  # T⁻¹Δ̄ᵀ
+        zero = np.zeros((n, 3))
+        return Target(
+            coordinates=np.concatenate([upper.coordinates, error]),
+            interconnection=np.block([[upper.interconnection, -coupling], [coupling.T, -0.5 * (last - last.T)]]),
+            dissipation=np.block([[upper.dissipation, zero], [zero.T, 0.5 * (last + last.T)]]),
+            gradient=np.concatenate([upper.gradient, self.stiffness @ error]),
+            port=np.vstack([upper.port, zero.T]),
+        )

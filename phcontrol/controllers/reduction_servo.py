@@ -1,0 +1,130 @@
+"""Visual servoing by reduction (Theorem 5.2.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, finite_array, matrix
+from phcontrol.controllers.visual_servo import OBJECT_LENGTH, VisualServo
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.derivatives import right_inverse
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.vision.pinhole_camera import PinholeCamera
+
+
+class ReductionServo(VisualServo):
+    """Bring image features to τ_d with a constant gain K_τ (Theorem 5.2.2).
+
+        p̂ = p̄ + Tᵀs,   s = K_τ τ̄ + N₀ k_n(q − q_r),   τ̄ = τ − τ_d
+        u = G⁻¹[∂V/∂q − M ṡ − (C + D)s − T K p̂]      (coriolis; C is the Coriolis matrix)
+
+    Thesis (5.21), corrected: gravity is compensated (errata E18), Δ as in errata E16 and E17. The closed loop is
+
+        p̂̇ = (J̄₂ − D̄ − K)p̂ + T⁻¹f_e,   H_d = ½|p̂|²,
+
+    and on p̂ = 0 the features obey τ̄̇ = −Δ̄K_τ τ̄ (5.20) (k_n = 0): they reach τ_d only if Δ̄K_τ is positive stable
+    along the way. ``conditions`` and the certificate say whether it is.
+
+    N₀ = 1 − Δ̄*†Δ̄* is the projector of the goal, so that the posture term does not move the features there.
+
+    Args:
+        system: the model of the arm.
+        goal: τ_d = (μ, ν, l) [m].
+        feature_gain: K_τ, shape (n, 3), or a scalar or vector (a diagonal) for an arm of three joints
+            [rad/s/m]; None for Δ̄(goal)†Λ, which is positive stable at the goal.
+        rate: Λ, scalar, vector or (3, 3) matrix [1/s]; of the default K_τ.
+        damping: K, scalar, vector or matrix, positive definite, in the transformed coordinates [1/s].
+        posture: q_r [rad], where Δ̄(goal) is taken and what the posture term holds; by default the robot's home.
+        posture_gain: k_n [1/s], for arms with more than three joints.
+        camera: by default one of f = 10 mm without bounds, at the robot's camera frame.
+        frame: the camera's frame, in place of the one that ``camera`` names.
+        object_length: L [m].
+        lost: "error" or "hold", see :class:`VisualServo`.
+        interconnection: which J̄₂ the target is written with.
+    """
+
+    name = "reduction_servo"
+
+    def __init__(
+        self,
+        system: MechanicalSystem,
+        *,
+        goal: ArrayLike,
+        feature_gain: ArrayLike | None = None,
+        rate: ArrayLike = 1.0,
+        damping: ArrayLike,
+        posture: ArrayLike | None = None,
+        posture_gain: float = 0.0,
+        camera: PinholeCamera | None = None,
+        frame: str | None = None,
+        object_length: float = OBJECT_LENGTH,
+        lost: str = "error",
+        interconnection: str = "coriolis",
+    ) -> None:
+        super().__init__(
+            system,
+            goal=goal,
+            damping=damping,
+            posture=posture,
+            posture_gain=posture_gain,
+            camera=camera,
+            frame=frame,
+            object_length=object_length,
+            lost=lost,
+            interconnection=interconnection,
+        )
+        at_goal = self.view(system.at(self.posture), self.goal).image_jacobian
+        values = np.linalg.svd(at_goal, compute_uv=False)
+        if values[-1] < 1e-6 * values[0]:
+            raise InvalidArgumentError(
+                "posture", f"the image Jacobian at the goal is singular there: name another one than {self.posture}"
+            )
+        inverse = right_inverse(at_goal)
+        self.feature_gain = (
+            inverse @ matrix("rate", rate, 3) if feature_gain is None else self._check_gain(feature_gain)
+        )
+        self._posture_matrix = self.posture_gain * (np.eye(system.n) - inverse @ at_goal)
+        self._image_jacobian_at_goal = at_goal
+
+    def _check_gain(self, value: ArrayLike) -> Array:
+        n = self.system.n
+        array = finite_array("feature_gain", value)
+        if array.shape == (n, 3):
+            return array
+        if n == 3:
+            return matrix("feature_gain", array, 3)
+        raise InvalidArgumentError("feature_gain", f"must have shape ({n}, 3), but has shape {array.shape}")
+
+    def servo_motion(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array]:
+        """Return s, ṡ = K_τΔ̄q̇ + N₀ k_n q̇, and no effort of its own."""
+        error, image_jacobian = self.view(x, features)
+        s_rate: Array = self.feature_gain.dot(image_jacobian.dot(x.velocity))
+        if self._holds_posture:
+            s_rate += self._posture_matrix.dot(x.velocity)
+        return self._velocity(x, error), s_rate, np.zeros(self.system.n)
+
+    def servo_velocity(self, x: MechanicalState, features: Array) -> Array:
+        """Return s = K_τ τ̄ + N₀ k_n(q − q_r), shape (n,) [rad/s]."""
+        return self._velocity(x, features - self.goal)
+
+    def _velocity(self, x: MechanicalState, error: Array) -> Array:
+        s: Array = self.feature_gain.dot(error)
+        if self._holds_posture:
+            s += self._posture_matrix.dot(x.position_error(self.posture))
+        return s
+
+    def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
+        """Return the smallest real part of the eigenvalues of Δ̄K_τ [1/s] at a state; the features must be seen."""
+        features = self.seen(measured)
+        return {} if features is None else self._stability(self.view(x, features).image_jacobian)
+
+    def goal_conditions(self) -> dict[str, float]:
+        """Return the smallest real part of the eigenvalues of Δ̄K_τ at τ_d and the posture q_r [1/s]."""
+        return self._stability(self._image_jacobian_at_goal)
+
+    def _stability(self, image_jacobian: Array) -> dict[str, float]:
+        values = np.linalg.eigvals(image_jacobian @ self.feature_gain)
+        return {"smallest real part of Δ̄K_τ [1/s]": float(values.real.min())}

@@ -1,0 +1,119 @@
+"""The velocity by which the Hamiltonian servo law steers, and its derivatives: arrays in, arrays out."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array
+from phcontrol.controllers.singular_damping import SingularDamping
+from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative
+
+_dgetrf, _dgetrs = lapack.dgetrf, lapack.dgetrs
+_FADED = 1e-10
+"""Where 1 − λ²/λ₀² is below this, the posture term is left out: N is no longer defined at the singular set."""
+
+
+class ServoVelocity:
+    """s = Bᵀ(BBᵀ + λ²W)⁻¹Λτ̄ + ψN z, for an image Jacobian B = Δ̄, an error τ̄ of the features, and a pull z.
+
+    N = 1 − B†B is the projector on what B leaves free, ψ = 1 − λ²/λ₀². NaN where BBᵀ is singular and not damped.
+
+    Args:
+        rate: Λ, shape (3, 3) [1/s].
+        damping: gives λ²W.
+    """
+
+    def __init__(self, rate: Array, damping: SingularDamping) -> None:
+        self.rate, self.damping = rate, damping
+
+    def value(self, B: Array, error: Array, pull: Array | None) -> Array:
+        """Return s, shape (n,) [rad/s]; ``pull`` is z [rad/s], or None for no posture term."""
+        damped = self.damping.at(B @ B.T)
+        regularisation = None if damped is None else damped[0] * self.damping.weight
+        s: Array = right_inverse(B, regularisation) @ (self.rate @ error)
+        fade = 1.0 if damped is None else self._fade(damped[0])
+        if pull is not None and fade > _FADED:
+            s = s + fade * (pull - right_inverse(B) @ (B @ pull))
+        return s
+
+    # --- along a motion: the fast form ------------------------------------------------------------------
+
+    def along(
+        self, B: Array, B_rate: Array, error: Array, error_rate: Array, pull: Array | None, pull_rate: Array | None
+    ) -> tuple[Array, Array]:
+        """Return s and ṡ along Ḃ, τ̄̇ and ż, shape (n,) each."""
+        square, half = B.dot(B.T), B_rate.dot(B.T)
+        square_rate = half + half.T
+        wish, wish_rate = self.rate.dot(error), self.rate.dot(error_rate)
+        damped = self.damping.at(square)
+        if pull is None or pull_rate is None:
+            if damped is not None:
+                square, square_rate = self._regularised(square, square_rate, damped)
+            return _right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
+        along, along_rate = B.dot(pull), B_rate.dot(pull) + B.dot(pull_rate)
+        if damped is None:
+            # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
+            s, s_rate = _right_inverse_motion(B, B_rate, square, square_rate, wish - along, wish_rate - along_rate)
+            return s + pull, s_rate + pull_rate
+        s, s_rate = _right_inverse_motion(B, B_rate, *self._regularised(square, square_rate, damped), wish, wish_rate)
+        level, slope = damped
+        fade, fade_rate = self._fade(level), -float(np.vdot(slope, square_rate)) / self.damping.level**2
+        if fade > _FADED:
+            seen, seen_rate = _right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
+            free, free_rate = pull - seen, pull_rate - seen_rate
+            s += fade * free
+            s_rate += fade * free_rate + fade_rate * free
+        return s, s_rate
+
+    def _regularised(self, square: Array, square_rate: Array, damped: tuple[float, Array]) -> tuple[Array, Array]:
+        """Return BBᵀ + λ²W and its rate."""
+        level, slope = damped
+        weight = self.damping.weight
+        return square + level * weight, square_rate + float(np.vdot(slope, square_rate)) * weight
+
+    def _fade(self, level: float) -> float:
+        """Return ψ = 1 − λ²/λ₀²."""
+        return 1.0 - level / self.damping.level**2
+
+    # --- the full derivatives: the thesis's form --------------------------------------------------------
+
+    def derivatives(
+        self, B: Array, dB: Array, error: Array, d_error: Array, pull: Array | None, d_pull: Array | None
+    ) -> tuple[Array, Array]:
+        """Return s, shape (n,), and its derivatives, shape (k, n), for stacks dB (k, 3, n), dτ̄ (k, 3), dz (k, n)."""
+        wish, d_wish = self.rate @ error, d_error @ self.rate.T
+        damped = self.damping.at(B @ B.T)
+        if damped is None:
+            inverse, d_inverse = right_inverse(B), right_inverse_derivative(B, dB)
+            if pull is None or d_pull is None:
+                return inverse @ wish, d_inverse @ wish + d_wish @ inverse.T
+            wish, d_wish = wish - B @ pull, d_wish - dB @ pull - d_pull @ B.T
+            return inverse @ wish + pull, d_inverse @ wish + d_wish @ inverse.T + d_pull
+        level, slope = damped
+        d_level = 2.0 * np.tensordot(dB @ B.T, slope)  # d(λ²) = tr(slope d(BBᵀ))
+        Q, dQ = level * self.damping.weight, d_level[:, None, None] * self.damping.weight
+        inverse = right_inverse(B, Q)
+        s: Array = inverse @ wish
+        ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ wish + d_wish @ inverse.T
+        fade = self._fade(level)
+        if pull is not None and d_pull is not None and fade > _FADED:
+            plain, along = right_inverse(B), B @ pull
+            free = pull - plain @ along
+            d_free = d_pull - right_inverse_derivative(B, dB) @ along - (dB @ pull + d_pull @ B.T) @ plain.T
+            s = s + fade * free
+            ds = ds + fade * d_free - d_level[:, None] / self.damping.level**2 * free
+        return s, ds
+
+
+def _right_inverse_motion(
+    B: Array, B_rate: Array, square: Array, square_rate: Array, wish: Array, wish_rate: Array
+) -> tuple[Array, Array]:
+    """Return s = Bᵀ A⁻¹w and its rate, with A = ``square`` (BBᵀ, damped or not); NaN where A is singular."""
+    lu, pivots, info = _dgetrf(square)
+    if info:
+        nothing = np.full(B.shape[1], np.nan)  # the torque is then refused as not finite
+        return nothing, nothing
+    y = _dgetrs(lu, pivots, wish)[0]
+    y_rate = _dgetrs(lu, pivots, wish_rate - square_rate.dot(y))[0]
+    return y.dot(B), y.dot(B_rate) + y_rate.dot(B)

@@ -1,0 +1,181 @@
+"""What the two laws of visual servoing share: features, image Jacobian, default gains, losing the object."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, choice, gain, number, positive, vector
+from phcontrol.controllers.controller import Controller, Shaping, Target
+from phcontrol.exceptions import InvalidArgumentError, ObjectLostError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.vision.interaction import back_project, interaction_matrix
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+from phcontrol.vision.scene import Scene
+
+LOST = ("error", "hold")
+FEATURE_GOAL = (0.0, 0.0, 0.002)
+"""τ_d by default [m]: in the middle of the image, 2 mm long (thesis section 5.4)."""
+OBJECT_LENGTH = 0.038
+"""L by default [m] (thesis section 5.4)."""
+
+
+class View(NamedTuple):
+    """What a law makes of its features at one state."""
+
+    error: Array
+    """τ̄ = τ − τ_d, shape (3,) [m]."""
+    image_jacobian: Array
+    """Δ̄ = Δ(τ)𝒥(q), shape (3, n): τ̇ = Δ̄q̇ [m/rad]."""
+
+
+class VisualServo(Controller):
+    """Laws with p̂ = p̄ + Tᵀs(q, τ) that bring image features τ to τ_d (thesis chapter 5).
+
+    The features are measured (``Measured.features``), with a camera in the arm's hand; τ̇ = Δ̄q̇ for an object at rest.
+    When the object is not seen (features not finite, l <= 0, outside the image) no torque is made of them:
+    with ``lost="error"`` ObjectLostError is raised; with ``lost="hold"`` the arm is braked and rests where it is,
+    with gravity compensated, until the object is seen again:
+
+        s = 0,   p̄̇ = (J̄₂ − D̄ − C)p̄,   H_d = ½|p̄|².
+
+    A law that takes over again starts with a jump of torque; stability of the switched loop is not claimed.
+    """
+
+    def __init__(
+        self,
+        system: MechanicalSystem,
+        *,
+        goal: ArrayLike,
+        damping: ArrayLike,
+        posture: ArrayLike | None,
+        posture_gain: float,
+        camera: PinholeCamera | None,
+        frame: str | None,
+        object_length: float,
+        lost: str,
+        interconnection: str,
+    ) -> None:
+        super().__init__(system, interconnection)
+        if system.n < 3:
+            raise InvalidArgumentError(
+                "system", f"has {system.n} joints, but three features need an arm of at least three ({self.name})"
+            )
+        self.goal = self.check_goal(system, goal)
+        self.damping = gain("damping", damping, system.n)
+        self.posture = vector("posture", system.robot.home if posture is None else posture, system.n)
+        self.posture_gain = number("posture_gain", posture_gain, minimum=0.0)
+        self.camera = (PinholeCamera() if camera is None else camera).mounted_on(system.robot, frame)
+        self.frame = str(self.camera.frame)
+        self.object_length = positive("object_length", object_length)
+        self.lost = choice("lost", lost, LOST)
+        self._focal_length = self.camera.focal_length
+        self._holds_posture = self.posture_gain > 0.0 and system.n > 3
+        even = np.allclose(self.damping, self.damping[0, 0] * np.eye(system.n), rtol=1e-14, atol=0.0)
+        self._even_damping = float(self.damping[0, 0]) if even else None
+
+    @classmethod
+    def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Array:
+        """Return τ_d = (μ, ν, l) [m], by default in the middle of the image and 2 mm long."""
+        features = vector("goal", FEATURE_GOAL if goal is None else goal, 3)
+        if features[2] <= 0.0:
+            raise InvalidArgumentError("goal", f"must have a length > 0 in the image, but has {features[2]:g} m")
+        return features
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The image features."""
+        return ("features",)
+
+    # --- what a law of this kind states --------------------------------------------------------------
+
+    @abstractmethod
+    def servo_motion(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array]:
+        """Return s, ṡ along q̇ (shape (n,) each) and τ̄-dependent effort beside the damping, shape (n,) [N·m]."""
+
+    @abstractmethod
+    def servo_velocity(self, x: MechanicalState, features: Array) -> Array:
+        """Return s(q, τ), shape (n,) [rad/s]."""
+
+    # --- the law -------------------------------------------------------------------------------------
+
+    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
+        """State s, ṡ and the effort −T C p̂ plus what the law adds; when the object is not seen, error or hold."""
+        features = self._measurement(measured, "features")
+        if not self.camera.sees(features):
+            if self.lost == "error":
+                raise ObjectLostError(self.name, t, features, self.camera.why_not_seen(features))
+            return Shaping(self._braking(x, x.velocity))
+        s, s_rate, effort = self.servo_motion(x, features)
+        return Shaping(effort + self._braking(x, x.velocity + s), s, s_rate)
+
+    def _braking(self, x: MechanicalState, velocity: Array) -> Array:
+        """Return −T C Tᵀv [N·m]."""
+        if self._even_damping is not None:
+            force: Array = x.mass_matrix.dot(velocity)
+            force *= -self._even_damping
+            return force
+        force = x.factor.dot(self.damping.dot(velocity.dot(x.factor)))
+        return -force
+
+    def view(self, x: MechanicalState, features: Array) -> View:
+        """Return τ̄ and Δ̄ at a state."""
+        delta = interaction_matrix(features, self._focal_length, self.object_length)
+        return View(features - self.goal, delta.dot(x.frame_jacobian(self.frame, "local")))
+
+    def seen(self, measured: Measured) -> Array | None:
+        """Return the measured features, or None when no object is seen."""
+        features = self._measurement(measured, "features")
+        return features if self.camera.sees(features) else None
+
+    def adapted_momentum(self, x: MechanicalState, measured: Measured) -> Array:
+        """Return p̂ = p̄ + Tᵀs, shape (n,); p̄ when no object is seen."""
+        features = self.seen(measured)
+        s = 0.0 if features is None else self.servo_velocity(x, features)
+        momentum: Array = (x.velocity + s).dot(x.factor)
+        return momentum
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return H_d = ½|p̂|², to which a law may add [J]."""
+        momentum = self.adapted_momentum(x, measured)
+        return float(0.5 * momentum.dot(momentum))
+
+    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return p̂, to which a law may add."""
+        return self.adapted_momentum(x, measured)
+
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return p̂̇ = (J̄₂ − D̄ − C)p̂ + T⁻¹f_e, to which a law may add."""
+        momentum = self.adapted_momentum(x, measured)
+        return Target(
+            coordinates=momentum,
+            interconnection=x.interconnection(self.interconnection),
+            dissipation=x.transformed_damping + self.damping,
+            gradient=momentum,
+            port=x.solve_factor(np.eye(x.system.n)),
+        )
+
+    # --- defaults and checks ---------------------------------------------------------------------------
+
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene:
+        """Draw an object in view, up to 27° from the axis, half to twice as far away as at the goal."""
+        reach = [min(0.5 * self._focal_length, half) for half in self.camera.half_size]
+        features = np.array(
+            [generator.uniform(-reach[0], reach[0]), generator.uniform(-reach[1], reach[1]), 0.0]
+        )  # fmt: skip
+        features[2] = self.goal[2] * math.exp(generator.uniform(-math.log(2.0), math.log(2.0)))
+        point = back_project(features, self._focal_length, self.object_length)
+        size = (self.object_length, 0.2 * self.object_length, 0.2 * self.object_length)
+        return ObservedObject(self.camera, x.placement(self.frame).act(point), size)
+
+    @classmethod
+    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
+        """Return the goal, the damping, and a posture gain for arms with more joints than features."""
+        return {"goal": goal, "damping": 5.0, "posture_gain": 2.0 if system.n > 3 else 0.0}

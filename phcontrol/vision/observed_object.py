@@ -1,0 +1,84 @@
+"""An object at rest in the world, as a camera in the hand sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, positive, vector
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.vision.interaction import back_project, project
+from phcontrol.vision.pinhole_camera import PinholeCamera
+
+_NO_STATE: Array = np.zeros(0)
+
+
+class ObservedObject:
+    """A box at rest; its features (5.1) follow from where it is and where the arm holds the camera.
+
+    ``position`` is the centre of the face that is looked at, L its longer side, so that l = fL/Z is exact for a
+    face parallel to the image; images (:class:`phcontrol.vision.rendering.Renderer`) also show its tilt.
+
+    Args:
+        camera: what sees it.
+        position: centre of the seen face in the world, (3,) [m].
+        size: length L, width and height (depth behind the seen face) [m].
+        rotation: (3, 3), axes of the box in the world: x along the length, y along the width, z into the box.
+            Without effect on the features.
+    """
+
+    state_size = 0
+
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        position: ArrayLike,
+        size: ArrayLike = (0.038, 0.0072, 0.010),
+        rotation: ArrayLike | None = None,
+    ) -> None:
+        self.camera = camera
+        self.position = vector("position", position, 3)
+        self.size = vector("size", size, 3)
+        for side in self.size:
+            positive("size", side)
+        self.length = float(self.size[0])
+        self.rotation = np.eye(3) if rotation is None else np.array(rotation, dtype=float)
+
+    @classmethod
+    def seen_as(
+        cls,
+        camera: PinholeCamera,
+        features: ArrayLike,
+        x: MechanicalState,
+        size: ArrayLike = (0.038, 0.0072, 0.010),
+        turn: float = 0.0,
+    ) -> ObservedObject:
+        """Return the object that a camera would see with these features (μ, ν, l) [m] from a state of the arm.
+
+        It faces the camera, its length turned from the image's x axis by ``turn`` [rad].
+        """
+        camera = camera.mounted_on(x.system.robot)
+        placement = x.placement(str(camera.frame))
+        length = float(vector("size", size, 3)[0])
+        point = back_project(vector("features", features, 3), camera.focal_length, length)
+        rotation = placement.rotation @ pin.utils.rotate("z", turn)
+        return cls(camera, placement.act(point), size, rotation)
+
+    def initial_state(self) -> Array:
+        """Return nothing: the object has no state."""
+        return _NO_STATE
+
+    def rate(self, x: MechanicalState, state: Array) -> Array:
+        """Return nothing."""
+        return _NO_STATE
+
+    def features(self, x: MechanicalState, state: Array = _NO_STATE) -> Array:
+        """Return (μ, ν, l) at a state of the arm, shape (3,) [m]; l < 0 for an object behind the camera."""
+        frame = self.camera.frame or self.camera.mounted_on(x.system.robot).frame
+        return self.features_from(x.placement(str(frame)))
+
+    def features_from(self, placement: pin.SE3) -> Array:
+        """Return (μ, ν, l) for a pose of the camera in the world, shape (3,) [m]."""
+        point = placement.rotation.T @ (self.position - placement.translation)
+        return project(point, self.camera.focal_length, self.length)

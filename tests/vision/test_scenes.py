@@ -1,0 +1,80 @@
+"""Objects in space, features as a differential equation, and the posture at the goal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phcontrol import HamiltonianServo, Log, PHControlError, make_controller, simulate
+from phcontrol.vision.feature_flow import FeatureFlow
+from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+from tests.conftest import make_system
+
+START, GOAL = np.array([0.038, 0.0072, 0.010]), np.array([0.0, 0.0, 0.002])
+
+
+def test_features_that_flow_are_those_of_an_object_at_rest():
+    """τ̇ = Δ̄q̇ integrated along a run, against the projection of the point, whose features need no integration."""
+    system = make_system("pera_shoulder_elbow")
+    law = HamiltonianServo(system, goal=GOAL, rate=2.0, stiffness=1e3, damping=5.0)
+    flow = FeatureFlow(law.camera, START, law.object_length)
+    scene = ObservedObject.seen_as(law.camera, START, system.at(system.robot.home))
+    flowing = simulate(system, law, duration=1.0, scene=flow)
+    resting = simulate(system, law, duration=1.0, scene=scene)
+    np.testing.assert_allclose(flowing.features, resting.features, atol=1e-9)
+    np.testing.assert_allclose(flowing.position, resting.position, atol=1e-8)
+    np.testing.assert_allclose(flowing.body_state, flowing.features)
+    assert resting.body_state.shape[1] == 0
+
+
+@pytest.mark.parametrize("arm", ["pera_shoulder_elbow", "pera", "panda", "ur5"])
+def test_the_goal_posture_looks_as_wished(arm, rng):
+    system = make_system(arm)
+    camera = PinholeCamera().mounted_on(system.robot)
+    for _ in range(5):
+        position = system.robot.random_position(rng, 0.2)
+        scene = ObservedObject.seen_as(camera, GOAL, system.at(position))
+        guess = position + rng.uniform(-0.2, 0.2, size=system.n)
+        found = goal_posture(system, scene, GOAL, guess)
+        np.testing.assert_allclose(scene.features(system.at(found)), GOAL, atol=1e-9)
+
+
+def test_an_object_out_of_reach_has_no_goal_posture():
+    system = make_system("pera_shoulder_elbow")
+    scene = ObservedObject(PinholeCamera(), [5.0, 0.0, 0.0])
+    with pytest.raises(PHControlError, match="no posture found"):
+        goal_posture(system, scene, GOAL, steps=50)
+
+
+def test_an_object_that_faces_the_camera_is_turned_in_the_image():
+    system = make_system("pera")
+    x = system.at(system.robot.home)
+    scene = ObservedObject.seen_as(PinholeCamera(), GOAL, x, turn=0.3)
+    length_axis = x.placement("camera").rotation.T @ scene.rotation[:, 0]
+    np.testing.assert_allclose(length_axis, [np.cos(0.3), np.sin(0.3), 0.0], atol=1e-12)
+
+
+def test_servo_laws_ask_for_something_to_see():
+    system = make_system("pera")
+    with pytest.raises(ValueError, match=r"scene: hamiltonian_servo needs image features.*scene=ObservedObject"):
+        simulate(system, make_controller("hamiltonian_servo", system), duration=0.1)
+
+
+def test_features_are_kept_in_files_and_tables(tmp_path):
+    system = make_system("pera_shoulder_elbow")
+    law = make_controller("hamiltonian_servo", system)
+    scene = FeatureFlow(law.camera, [0.001, 0.002, 0.003], law.object_length)
+    log = simulate(system, law, duration=0.02, scene=scene)
+    loaded = Log.load(log.save(tmp_path / "log.npz"))
+    np.testing.assert_array_equal(loaded.features, log.features)
+    np.testing.assert_array_equal(loaded.body_state, log.body_state)
+    np.testing.assert_array_equal(log.to_dataframe()["features/nu"], log.features[:, 1])
+
+
+def test_a_run_without_scene_has_no_features():
+    system = make_system("pera_shoulder")
+    log = simulate(system, make_controller("energy_shaping", system), duration=0.01)
+    with pytest.raises(PHControlError, match="no image features"):
+        _ = log.features
