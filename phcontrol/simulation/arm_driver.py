@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -46,6 +47,8 @@ def drive(
 ) -> None:
     """Run a control loop on a driver for a duration [s]: read, step, write, wait for the next period.
 
+    A period that the machine missed is left out.
+
     Args:
         loop: the control loop.
         driver: the arm.
@@ -53,8 +56,8 @@ def drive(
         paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`).
         each_step: called with time, reading and torque, for logging.
     """
-    start, steps = time.perf_counter(), round(positive("duration", duration) / loop.period)
-    for k in range(steps):
+    start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
+    while k < steps:
         reading = driver.read()
         if reading is not None:
             torque = loop.step(reading.position, reading.velocity, reading.measured, age=reading.age)
@@ -63,8 +66,10 @@ def drive(
                 each_step(k * loop.period, reading, torque)
         else:
             driver.write(loop.no_torque)
-        if paced:
-            wait_until(start + (k + 1) * loop.period)
+        k += 1
+        if paced:  # periods that were missed are left out, not made up for in a burst
+            k = max(k, math.floor((time.perf_counter() - start) / loop.period))
+            wait_until(start + k * loop.period)
 
 
 def wait_until(moment: float) -> None:

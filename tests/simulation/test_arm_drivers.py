@@ -124,4 +124,4 @@ def test_the_hardware_example_runs(monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "modes: STARTING" in printed
     assert "'malformed': 0" in printed
-    assert "1000 steps" in printed
+    assert "steps: computing" in printed
