@@ -38,7 +38,7 @@ class Schedule(Controller):
     def __init__(self, steps: Sequence[tuple[float, Controller]]) -> None:
         steps = sequence("steps", steps, "pairs (start time, law)", "__len__")
         if not steps or not all(len(step) == 2 and isinstance(step[1], Controller) for step in steps):
-            raise InvalidArgumentError("steps", "must hold pairs (start time, law), at least one")
+            raise InvalidArgumentError("steps", "must hold at least one pair (start time, law), and nothing else")
         self.starts = [number("start time", start) for start, _ in steps]
         self.laws: list[Controller] = [law for _, law in steps]
         if self.starts[0] != 0.0 or any(a >= b for a, b in zip(self.starts, self.starts[1:], strict=False)):

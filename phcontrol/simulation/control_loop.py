@@ -123,6 +123,7 @@ class ControlLoop:
         self._steps_in_mode = self._good_in_a_row = self._strange_in_a_row = self._misses_in_a_row = 0
         self._last: tuple[Array, Array] | None = None
         self._last_age = 0.0
+        self._last_begin = clock()
         self._start_of_stop: Array = np.zeros(system.n)
 
     @property
@@ -169,6 +170,8 @@ class ControlLoop:
             age: how old the reading is [s]; a driver that has no new one passes the last again, with its age.
         """
         begin = self._clock()
+        self._last_age += max(self.period, begin - self._last_begin)  # longer, where periods were missed
+        self._last_begin = begin
         fresh = self._take(position, velocity, age)
         if self._last is None:
             return self._finish(begin, np.zeros(self.system.n))
@@ -190,7 +193,6 @@ class ControlLoop:
 
     def _take(self, position: ArrayLike, velocity: ArrayLike, age: float) -> bool:
         """Take a reading over if it makes sense; return whether it was good and fresh."""
-        self._last_age += self.period
         n = self.system.n
         try:
             q, v, old = np.array(position, dtype=float), np.array(velocity, dtype=float), float(age)
