@@ -88,6 +88,8 @@ def simulate(
     """
     dt, duration = positive("dt", dt), positive("duration", duration)
     bodies = sequence("bodies", bodies, "bodies")
+    if sensors is not None:
+        sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
     if scene is not None and not hasattr(scene, "state_size"):
         raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, sequence, whole_multiple
+from phcontrol._validation import Array, whole_multiple
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.sensor import Sensor
@@ -18,7 +18,7 @@ class Instruments:
     """The sensors of a run and their states."""
 
     def __init__(self, sensors: Sequence[Sensor], dt: float) -> None:
-        self.sensors = list(sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading"))
+        self.sensors = list(sensors)
         quantities = [sensor.quantity for sensor in self.sensors]
         if len(set(quantities)) != len(quantities):
             raise InvalidArgumentError("sensors", f"must not have two for the same quantity, but has {quantities}")
