@@ -19,6 +19,8 @@ from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.task_potentials import Holding
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.controllers.tracking_transformation import TrackingTransformation
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -35,6 +37,7 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
     UnknownNameError,
+    UnreachableTargetError,
 )
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.loading import load_robot
@@ -58,6 +61,12 @@ from phcontrol.simulation.log import Log, PowerBalance
 from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm
+from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
+from phcontrol.trajectories.limits import LimitReport, check_limits
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.vision.extraction import extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
@@ -82,6 +91,7 @@ __all__ = [
     "ControlBox",
     "ControlLoop",
     "Controller",
+    "CubicSpline",
     "DataFileError",
     "Disturbance",
     "EnergyShaping",
@@ -102,12 +112,14 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "LimitReport",
     "Limits",
     "Log",
     "LoopMode",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
+    "MinimumJerk",
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
@@ -116,38 +128,49 @@ __all__ = [
     "PHControlError",
     "PacketFaults",
     "PinholeCamera",
+    "Posture",
     "PowerBalance",
     "Pulse",
+    "QuinticSpline",
     "Reading",
     "ReductionServo",
+    "Reference",
     "RenderedView",
     "Renderer",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "Sampled",
+    "SampledTrajectory",
     "Schedule",
     "Shaping",
     "SimulatedArm",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "Sinusoid",
     "SphereContact",
     "Step",
     "StribeckFriction",
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
+    "TrackingTransformation",
+    "Trajectory",
+    "TrajectoryTracking",
     "UdpArm",
     "UnknownNameError",
+    "UnreachableTargetError",
     "Wrench",
     "__version__",
     "certify",
     "check_canonical_transformation",
+    "check_limits",
     "damping_for_gain",
     "drive",
     "equilibrium",
     "extract_features",
+    "follow",
     "force_control_conditions",
     "goal_posture",
     "interaction_matrix",
@@ -155,5 +178,6 @@ __all__ = [
     "load_robot",
     "make_controller",
     "measured_l2_gain",
+    "reach",
     "simulate",
 ]

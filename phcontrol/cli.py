@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar
+from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
 import typer
 
+from phcontrol._validation import Array, choice
 from phcontrol._version import __version__
 from phcontrol.analysis.certificate import certify as make_certificate
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking, swing
+from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import (
     DataFileError,
     InvalidArgumentError,
@@ -21,14 +25,23 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
 )
+from phcontrol.experiments.certificate_survey import SurveyRow, every_arm, markdown, survey
 from phcontrol.experiments.position import run_position
 from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.robot import check_joint_names
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.integrators import INTEGRATORS
+from phcontrol.trajectories import inverse_kinematics
+from phcontrol.trajectories.files import read_trajectory
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.trajectory import Trajectory
+
+ALL_FORMS = tuple(dict.fromkeys(form for entry in CONTROLLERS.values() for form in entry.law.forms))
 
 app = typer.Typer(
     help="Energy-based control of robot arms, with a certificate for every controller.",
@@ -38,7 +51,9 @@ app = typer.Typer(
     add_completion=False,
 )
 run_app = typer.Typer(
-    help="Run a study; writes its log, picture and figures.", no_args_is_help=True, rich_markup_mode=None
+    help="Run a law on any arm, or a study; writes logs and pictures.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 app.add_typer(run_app, name="run")
 
@@ -48,6 +63,18 @@ Result = TypeVar("Result")
 RobotOption = Annotated[str, typer.Option(help="A shipped robot, a URDF file, or a name of example-robot-data.")]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
 FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
+ArmatureOption = Annotated[
+    str | None,
+    typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
+]
+StepOption = Annotated[
+    float | None, typer.Option(help="Step of the integrator [s]. Default: 1 ms, or less if friction asks for it.")
+]
+ReachOption = Annotated[
+    str | None,
+    typer.Option(help="Goal for a frame instead of the joints: a point x,y,z in the world [m] (needs Pink)."),
+]
+FrameOption = Annotated[str | None, typer.Option(help="The frame of --reach. Default: the tool, or the last frame.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
@@ -81,53 +108,120 @@ def version_option(
         typer.echo(context.get_help())
 
 
-@run_app.command("position")
-@reports_errors
-def run_position_command(
-    robot: RobotOption = "pera",
+def run_arm(
     controller: Annotated[
         str, typer.Option(help="A law that holds a position; see 'phcontrol controllers'.")
     ] = "force_feedback",
+    robot: RobotOption = "pera",
     interconnection: FormOption = "coriolis",
     goal: Annotated[
         str | None,
         typer.Option(help="Angles [rad], comma-separated, or joint=angle pairs. Default: a reachable posture."),
     ] = None,
+    reach: ReachOption = None,
+    frame: FrameOption = None,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
-    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 1e-3,
+    dt: StepOption = None,
     integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
     control_period: Annotated[
         float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
     ] = None,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
-    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/position"),
+    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
 ) -> None:
     """Take an arm from its home to a posture, and certify the law that does it."""
-    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
-    _check_writable(out)
+    system = _system(robot, lock, armature)
+    _run_and_write(
+        system,
+        Path("results/position") if out is None else out,
+        controller=controller,
+        goal=_goal(system, goal, reach, frame),
+        duration=duration,
+        interconnection=interconnection,
+        samples=samples,
+        options=_settings(settings),
+        dt=dt,
+        integrator=integrator,
+        control_period=control_period,
+    )
+
+
+def _run_and_write(system: MechanicalSystem, folder: Path, **arguments: Any) -> None:
+    _check_writable(folder)
     try:
-        result = run_position(
-            system,
-            controller=controller,
-            goal=None if goal is None else _goal(goal),
-            duration=duration,
-            interconnection=interconnection,
-            samples=samples,
-            options=_settings(settings),
-            dt=dt,
-            integrator=integrator,
-            control_period=control_period,
-        )
+        result = run_position(system, **arguments)
     except SimulationError as error:
         if len(error.log):
-            typer.echo(f"kept the log so far in {error.log.save(out / 'log-stopped.npz')}", err=True)
+            typer.echo(f"kept the log so far in {error.log.save(folder / 'log-stopped.npz')}", err=True)
         raise
     typer.echo(result.summary())
-    typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
+    typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(folder)))
     if not result.certificate.passed:
         raise typer.Exit(1)
+
+
+run_app.command("position")(reports_errors(run_arm))
+
+
+@run_app.command("track", short_help="Follow a trajectory with any arm, and certify the law that does it.")
+@reports_errors
+def track(
+    robot: RobotOption = "pera",
+    trajectory: Annotated[
+        str,
+        typer.Option(
+            help="'swing' from home to the goal and back for ever, 'reach' the goal by minimum jerk, or a CSV file of "
+            "times [s] and joint positions [rad], one row an instant."
+        ),
+    ] = "swing",
+    goal: Annotated[
+        str | None, typer.Option(help="Angles [rad] or joint=angle pairs. Default: a posture near home.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Largest fraction of the velocity limits (swing, reach).")] = 0.5,
+    external_force: Annotated[
+        str, typer.Option(help="What the law knows of it: none, measured, or observed (momentum observer).")
+    ] = "none",
+    push: Annotated[str | None, typer.Option(help="Constant external force on the joints [N·m], as --goal.")] = None,
+    interconnection: Annotated[
+        str, typer.Option(help=f"Which J2 the law uses: {', '.join(TrajectoryTracking.forms)}.")
+    ] = "coriolis",
+    reach: ReachOption = None,
+    frame: FrameOption = None,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
+    dt: StepOption = None,
+    control_period: Annotated[
+        float | None,
+        typer.Option(help="Hold the torque for this long [s]; it is computed for the middle of that time."),
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/track"),
+) -> None:
+    """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
+    system = _system(robot, lock, armature)
+    wished = _goal(system, goal, reach, frame)
+    posture = system.robot.near_home() if wished is None else wished
+    knowledge = choice("external force", external_force, ("none", "measured", "observed"))
+    _run_and_write(
+        system,
+        out,
+        controller="tracking" if knowledge == "none" else "tracking_measured",
+        goal=posture,
+        duration=duration,
+        interconnection=interconnection,
+        samples=samples,
+        options={"trajectory": _trajectory(trajectory, system, posture, speed), "hold": control_period or 0.0}
+        | _settings(settings),
+        dt=dt,
+        control_period=control_period,
+        disturbance=None if push is None else _joint_values(system, "--push", push),
+        sensors=[MomentumObserver(system)] if knowledge == "observed" else None,
+    )
 
 
 @run_app.command("servo")
@@ -146,12 +240,13 @@ def run_servo_command(
         float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
     ] = None,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = 50,
     out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
 ) -> None:
     """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
-    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
+    system = _system(robot, lock, armature)
     _check_writable(out)
     result = run_servo(
         system,
@@ -169,6 +264,29 @@ def run_servo_command(
     typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
     if not result.certificate.passed:
         raise typer.Exit(1)
+
+
+def _add_law(name: str, summary: str, general: Callable[..., None]) -> None:
+    """Make ``run NAME`` of ``run position`` or ``run servo``: the same options but --controller."""
+    signature, hints = inspect.signature(general), get_type_hints(general, include_extras=True)
+
+    def command(out: Path | None = None, **arguments: Any) -> None:
+        general(controller=name, out=Path("results") / name if out is None else out, **arguments)
+
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[
+            parameter.replace(annotation=hints[key])
+            for key, parameter in signature.parameters.items()
+            if key != "controller"
+        ]
+    )
+    command.__annotations__ = {key: hint for key, hint in hints.items() if key != "controller"}
+    wrapped = reports_errors(command)
+    run_app.command(name, help=f"Run an arm under {name}: {summary}.", short_help=f"law: {summary}")(wrapped)
+
+
+for _name, _entry in CONTROLLERS.items():
+    _add_law(_name, _entry.summary, run_servo_command if issubclass(_entry.law, VisualServo) else run_arm)
 
 
 def _add_study(name: str, summary: str) -> None:
@@ -190,20 +308,31 @@ for _name, _study in STUDIES.items():
 @reports_errors
 def certify(
     controller: Annotated[str, typer.Option(help="A law, or 'all'.")] = "all",
-    robot: RobotOption = "pera",
-    interconnection: Annotated[str, typer.Option(help=f"{', '.join(INTERCONNECTIONS)} or all.")] = "all",
+    robot: Annotated[
+        str, typer.Option(help="As in 'run', or 'all': every arm that can be named, a table of matching residuals.")
+    ] = "pera",
+    interconnection: Annotated[str, typer.Option(help=f"{', '.join(ALL_FORMS)} or all.")] = "all",
     samples: Annotated[int, typer.Option(help="Number of random states.")] = 50,
     seed: Annotated[int, typer.Option(help="Seed of the random states.")] = 0,
     lock: LockOption = None,
+    armature: ArmatureOption = None,
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Prove numerically that a law's closed loop is the system it claims. Exit code 1 if it is not."""
-    system = MechanicalSystem(load_robot(robot, locked_joints=lock or []))
-    names = list(CONTROLLERS) if controller == "all" else [controller]
-    forms = list(INTERCONNECTIONS) if interconnection == "all" else [interconnection]
-    certificates, labels, left_out = [], [], []
+    names = list(CONTROLLERS) if controller == "all" else [choice("controller", controller, CONTROLLERS)]
+    if interconnection != "all":
+        choice("interconnection", interconnection, ALL_FORMS)
+        names = [name for name in names if len(names) == 1 or interconnection in CONTROLLERS[name].law.forms]
+    if robot == "all":
+        if lock or armature is not None or settings:
+            raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
+        _certify_every_arm(names, interconnection, samples, seed, as_json)
+        return
+    system = _system(robot, lock, armature)
+    labelled, left_out = [], []
     for name in names:
+        forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
         try:
             laws = [make_controller(name, system, interconnection=form, **_settings(settings)) for form in forms]
         except InvalidArgumentError as error:
@@ -211,28 +340,46 @@ def certify(
                 raise
             left_out.append(f"{name} is not for this arm: {error}")
             continue
-        certificates += [make_certificate(law, system, samples=samples, seed=seed) for law in laws]
-        labels += [name for _ in laws]
+        labelled += [(name, make_certificate(law, system, samples=samples, seed=seed)) for law in laws]
     if as_json:
-        typer.echo(
-            json.dumps(
-                [item.to_dict() | {"law": label} for label, item in zip(labels, certificates, strict=True)], indent=2
-            )
-        )
-    elif len(certificates) == 1:
-        typer.echo(str(certificates[0]))
+        typer.echo(json.dumps([item.to_dict() | {"law": label} for label, item in labelled], indent=2))
+    elif len(labelled) == 1:
+        typer.echo(str(labelled[0][1]))
     else:
         typer.echo(f"{system.robot.name}, {system.n} joints, {samples} states, seed {seed}")
-        typer.echo(f"{'law':<26}{'J2':<11}{'matching':>10}{'skewness':>10}{'min R_d':>10}{'max dH_d':>10}  verdict")
-        for label, item in zip(labels, certificates, strict=True):
+        typer.echo(f"{'law':<32}{'J2':<12}{'matching':>10}{'skewness':>10}{'min R_d':>10}{'max dH_d':>10}  verdict")
+        for label, item in labelled:
             typer.echo(
-                f"{label:<26}{item.interconnection:<11}{item.matching_residual:>10.1e}{item.skewness:>10.1e}"
+                f"{label:<32}{item.interconnection:<12}{item.matching_residual:>10.1e}{item.skewness:>10.1e}"
                 f"{item.smallest_dissipation:>10.1e}{item.largest_storage_rate:>10.1e}  "
                 + ("passed" if item.passed else "FAILED")
             )
         for line in left_out:
             typer.echo(line)
-    if not all(item.passed for item in certificates):
+    if not all(item.passed for _, item in labelled):
+        raise typer.Exit(1)
+
+
+def _certify_every_arm(names: list[str], form: str, samples: int, seed: int, as_json: bool) -> None:
+    rows = []
+    forms = [each for each in ALL_FORMS if any(each in CONTROLLERS[name].law.forms for name in names)]
+
+    def surveyed() -> Iterator[SurveyRow]:
+        for row in survey(every_arm(), names, form=form, samples=samples, seed=seed):
+            rows.append(row)
+            yield row
+
+    if as_json:
+        data = [
+            {"robot": row.robot, "joints": row.joints, "law": row.law, "verdict": row.verdict, "refused": row.refused}
+            | {"certificates": [certificate.to_dict() for certificate in row.certificates]}
+            for row in surveyed()
+        ]
+        typer.echo(json.dumps(data, indent=2))
+    else:
+        for line in markdown(surveyed(), forms if form == "all" else [form]):
+            typer.echo(line)
+    if any(row.verdict == "FAILED" for row in rows):
         raise typer.Exit(1)
 
 
@@ -282,16 +429,53 @@ def main() -> None:
         sys.exit(1)
 
 
-def _goal(text: str) -> dict[str, float] | list[float]:
+def _system(robot: str, lock: list[str] | None, armature: str | None) -> MechanicalSystem:
+    rotors = None if armature is None else _by_joint("--armature", armature)
+    if isinstance(rotors, list) and len(rotors) == 1:
+        return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors[0]))
+    return MechanicalSystem(load_robot(robot, locked_joints=lock or [], armature=rotors))
+
+
+def _goal(system: MechanicalSystem, goal: str | None, target: str | None, frame: str | None) -> Array | None:
+    """Return the joint positions that --goal or --reach asks for; None for neither."""
+    robot = system.robot
+    if target is None:
+        return None if goal is None else robot.position(_by_joint("--goal", goal))
+    if goal is not None:
+        raise InvalidArgumentError("--reach", "and --goal are two goals: give one of them")
+    point = _by_joint("--reach", target)
+    if isinstance(point, dict) or len(point) != 3:
+        raise InvalidArgumentError("--reach", f"must be a point x,y,z in metres, but is '{target}'")
+    name = frame or robot.tool_frame or robot.frame_names[-1]
+    return inverse_kinematics.reach(robot, name, point).position
+
+
+def _joint_values(system: MechanicalSystem, option: str, text: str) -> list[float]:
+    """Return one number a joint; joints that pairs do not name get 0."""
+    values = _by_joint(option, text)
+    if isinstance(values, list):
+        return values
+    check_joint_names(list(values), system.robot.joint_names, system.robot.name)
+    return [values.get(name, 0.0) for name in system.robot.joint_names]
+
+
+def _trajectory(kind: str, system: MechanicalSystem, goal: Array, speed: float) -> Trajectory:
+    if kind == "swing":
+        return swing(system.robot, goal, fraction=speed)
+    if kind == "reach":
+        return MinimumJerk.within_limits(system.robot, system.robot.home, goal, fraction=speed)
+    return read_trajectory(kind, system.robot)
+
+
+def _by_joint(option: str, text: str) -> dict[str, float] | list[float]:
     parts = [part.strip() for part in text.split(",") if part.strip()]
     try:
         if all("=" in part for part in parts):
             return {name.strip(): float(value) for name, value in (part.split("=", 1) for part in parts)}
         return [float(part) for part in parts]
     except ValueError as error:
-        raise InvalidArgumentError(
-            "--goal", f"must be angles like 0.1,0.2 or pairs like elbow=0.3, but is '{text}'"
-        ) from error
+        message = f"must be {'angles' if option == '--goal' else 'numbers'} like 0.1,0.2 or pairs like elbow=0.3"
+        raise InvalidArgumentError(option, f"{message}, but is '{text}'") from error
 
 
 def _numbers(option: str, text: str) -> list[float]:

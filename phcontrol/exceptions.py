@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from phcontrol.simulation.log import Log
+    from phcontrol.trajectories.inverse_kinematics import Posture
 
 
 class PHControlError(Exception):
@@ -77,6 +78,15 @@ class SimulationError(PHControlError):
 
 class SimulationInterrupted(SimulationError, KeyboardInterrupt):  # noqa: N818 - it is no error
     """The user stopped a simulation. ``log`` holds everything up to that moment."""
+
+
+class UnreachableTargetError(PHControlError):
+    """No joint position inside the limits puts a frame at its target. ``nearest`` is the nearest posture found."""
+
+    def __init__(self, frame: str, robot: str, which: str, nearest: Posture) -> None:
+        away = f"{nearest.distance:.3g} m" + (f" and {nearest.angle:.3g} rad" if nearest.angle else "")
+        super().__init__(f"frame '{frame}' of {robot} does not reach its target{which}: it stays {away} away")
+        self.nearest = nearest
 
 
 class DataFileError(PHControlError):

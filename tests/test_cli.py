@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from phcontrol import Log
+from phcontrol import Log, load_robot
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from tests.conftest import make_system
@@ -65,12 +68,89 @@ def test_certify_all_as_table_and_as_json():
     table = run("certify", "--robot", "pera_shoulder", "--samples", "3")
     assert table.exit_code == 0, table.output
     applicable = laws_for(make_system("pera_shoulder"))
-    assert table.output.count("passed") == 2 * len(applicable)
+    assert table.output.count("passed") == sum(len(CONTROLLERS[name].law.forms) for name in applicable)
     assert "hamiltonian_servo is not for this arm: system: has 2 joints" in table.output
     data = run("certify", "--robot", "pera_shoulder", "--samples", "3", "--json")
     rows = json.loads(data.output)
     assert {row["law"] for row in rows} == set(applicable)
     assert all(row["passed"] for row in rows)
+
+
+@pytest.mark.parametrize(("law", "robot"), list(zip(CONTROLLERS, itertools.cycle(["ur5", "kinova", "panda"]))))
+def test_every_law_runs_on_any_robot_without_an_experiment(law, robot, tmp_path):
+    quick = ["--duration", "0.05", "--dt", "0.001", "--samples", "2", "--out", str(tmp_path)]
+    result = run("run", law, "--robot", robot, *quick)
+    assert result.exit_code == 0, result.output
+    assert f"on {robot}" in result.output
+    log = Log.load(tmp_path / "log.npz")
+    assert log.metadata["controller"] == CONTROLLERS[law].law.name
+    assert len(log) == 51
+    assert np.abs(log.torque).max() > 0.0
+
+
+def test_options_of_a_law_are_those_of_run_position():
+    law, position = run("run", "integral_action", "--help").output, run("run", "position", "--help").output
+    for option in ("--robot", "--goal", "--set NAME=VALUE", "--lock JOINT", "--armature", "--out"):
+        assert option in law
+        assert option in position
+    assert "--controller" not in law
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--trajectory", "swing", "--interconnection", "transformed"],
+        ["--trajectory", "reach", "--goal", "elbow_joint=0.3", "--speed", "0.9"],
+        ["--external-force", "measured", "--push", "elbow_joint=5"],
+        ["--external-force", "observed", "--control-period", "0.002", "--armature", "0.1"],
+    ],
+)
+def test_run_track_follows_on_any_arm(options, tmp_path):
+    result = run(
+        "run", "track", "--robot", "ur5", "--duration", "0.3", "--samples", "2", *options, "--out", str(tmp_path)
+    )
+    assert result.exit_code == 0, result.output
+    assert "limits: position, velocity and torque kept" in result.output
+    error = float(re.search(r"error on the way +(\S+) rad", result.output)[1])
+    assert error < (1e-8 if "observed" not in options else 1e-3)
+
+
+def test_the_hand_is_put_where_it_should_be(tmp_path):
+    result = run(
+        "run", "track", "--robot", "ur5", "--trajectory", "reach", "--reach", "0.4,0.2,0.4", "--frame", "tool0",
+        "--speed", "1", "--duration", "4", "--dt", "0.004", "--samples", "2", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    final = Log.load(tmp_path / "log.npz").position[-1]
+    np.testing.assert_allclose(load_robot("ur5").placement("tool0", final).translation, [0.4, 0.2, 0.4], atol=1e-5)
+
+
+def test_run_track_takes_a_motion_from_a_file(tmp_path):
+    """Columns in any order when they are named; the arm follows what the file says."""
+    path, t = tmp_path / "motion.csv", np.linspace(0.0, 1.0, 21)
+    rows = np.column_stack([0.2 * np.sin(t) ** 2, t, 0.1 * t**2])
+    path.write_text("shoulder_roll,time,shoulder_pitch\n" + "\n".join(",".join(map(str, row)) for row in rows))
+    result = run(
+        "run", "track", "--robot", "pera_shoulder", "--trajectory", str(path), "--duration", "0.9", "--samples", "2",
+        "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    log = Log.load(tmp_path / "log.npz")
+    np.testing.assert_allclose(log.position[-1], [0.1 * 0.81, 0.2 * np.sin(0.9) ** 2], atol=1e-5)
+
+
+def test_certificates_of_every_arm(monkeypatch):
+    """The table of --robot all, on a few arms; one whose description is broken says why it is refused."""
+    monkeypatch.setattr("phcontrol.cli.every_arm", lambda: ["pera_shoulder", "tiago_pro", "bravo7_gripper"])
+    result = run("certify", "--robot", "all", "--controller", "tracking", "--samples", "2")
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    assert lines[0] == "| robot | joints | law | coriolis | canonical | transformed | verdict |"
+    assert lines[2].startswith("| pera_shoulder | 2 | tracking |")
+    assert all(line.endswith("| passed |") for line in lines[2:4])
+    assert "refused: bravo7_gripper: the mass matrix is not positive definite" in lines[4]
+    data = json.loads(run("certify", "--robot", "all", "--samples", "2", "--controller", "tracking", "--json").output)
+    assert [row["verdict"] for row in data] == ["passed", "passed", "refused"]
 
 
 def test_a_failed_certificate_is_exit_code_1(monkeypatch):
@@ -114,6 +194,15 @@ def test_listings(command):
         (["run", "position", *QUICK, "--set", "stiffness=soft"], "error: --set: 'stiffness' must be a number"),
         (["run", "position", *QUICK, "--set", "stiffness"], "error: --set: must be NAME=VALUE"),
         (["run", "position", *QUICK, "--integrator", "euler"], "error: unknown integrator 'euler'"),
+        (["run", "track", "--external-force", "felt"], "error: unknown external force 'felt'"),
+        (["run", "track", "--trajectory", "missing.csv"], "error: cannot read the trajectory missing.csv"),
+        (["run", "track", "--speed", "0"], "error: fraction: must be > 0"),
+        (["run", "track", "--push", "elbow=1"], "error: unknown joint 'elbow' of pera"),
+        (["run", "tracking", "--armature", "heavy"], "error: --armature: must be numbers like"),
+        (["certify", "--robot", "all", "--lock", "x"], "error: --robot: all takes neither --lock"),
+        (["run", "track", "--reach", "9,9,9"], "error: frame 'tool' of pera does not reach its target"),
+        (["run", "position", "--reach", "9,9"], "error: --reach: must be a point x,y,z"),
+        (["run", "position", "--reach", "1,1,1", "--goal", "0"], "error: --reach: and --goal are two goals"),
         (
             ["run", "position", "--controller", "hamiltonian_servo"],
             "error: controller: hamiltonian_servo steers by an image, not to a posture: use 'run servo'",

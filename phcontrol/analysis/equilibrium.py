@@ -11,7 +11,8 @@ from scipy.optimize import root
 
 from phcontrol._validation import Array, vector
 from phcontrol.controllers.controller import Controller, Target
-from phcontrol.exceptions import PHControlError
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 from phcontrol.simulation.log import Log
@@ -63,8 +64,10 @@ def equilibrium(
 
     Solves q̈ = 0 and the controller's rate = 0 at q̇ = 0, from the law's goal (or home) or ``guess`` [rad].
     Raises PHControlError when there is no such state near by: for example with integral action while f_e
-    is felt only through a sensor.
+    is felt only through a sensor. Raises InvalidArgumentError for a law that follows a trajectory.
     """
+    if isinstance(controller, TrajectoryTracking):
+        raise InvalidArgumentError("controller", "follows a trajectory: it comes to no rest that could be found")
     n, size = system.n, controller.state_size
     force = vector("external_force", external_force, n)
     start = getattr(controller, "goal", system.robot.home) if guess is None else vector("guess", guess, n)

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from phcontrol._validation import Array, choice, vector
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
@@ -104,12 +103,14 @@ class Controller(ABC):
 
     name: ClassVar[str]
     """The law's name on the command line."""
+    forms: ClassVar[tuple[str, ...]] = INTERCONNECTIONS
+    """The choices of J̄₂ that the law knows."""
 
     def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
         if not isinstance(system, MechanicalSystem):
             raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
         self.system = system
-        self.interconnection = choice("interconnection", interconnection, INTERCONNECTIONS)
+        self.interconnection = choice("interconnection", interconnection, self.forms)
         self._canonical = self.interconnection == "canonical"
 
     @property
@@ -213,12 +214,16 @@ class Controller(ABC):
             force -= x.factor.dot(law.offset_rate)
         if law.cancelled_force is not None:
             force -= law.cancelled_force
-        torque = force if self.system.input_matrix is None else self._solve_input(force)
+        return self._command(t, x, state, force, law.state_rate)
+
+    def _command(self, t: float, x: MechanicalState, state: Array, force: Array, state_rate: Array) -> Command:
+        """Return the command whose torque u makes G u the given force [N·m]; it is finite, or not returned."""
+        torque = self.system.motor_torque(force)
         if not math.isfinite(torque.dot(torque)) and not np.isfinite(torque).all():
             raise NonFiniteTorqueError(
                 self.name, t, torque=torque, position=x.position, velocity=x.velocity, controller_state=state
             )
-        return Command(torque, law.state_rate)
+        return Command(torque, state_rate)
 
     def _motion(self, x: MechanicalState, law: Shaping) -> Array:
         """Return M ṡ + C s + D s, with C s as the chosen J̄₂ has it [N·m]."""
@@ -235,10 +240,6 @@ class Controller(ABC):
         if damping is not None:
             force += damping * s
         return force
-
-    def _solve_input(self, force: Array) -> Array:
-        solution: Array = lapack.dgetrs(*self.system.input_factors, force)[0]
-        return solution
 
     def _measurement(self, measured: Measured, name: str) -> Array:
         value: Array | None = getattr(measured, name)

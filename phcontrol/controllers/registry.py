@@ -18,6 +18,7 @@ from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.mechanics.system import MechanicalSystem
 
 
@@ -82,6 +83,14 @@ CONTROLLERS: dict[str, Entry] = {
         "(4.61)",
         "q, q̇, external force",
         {"compensate_external_force": True},
+    ),
+    "tracking": Entry(TrajectoryTracking, "follows a trajectory", "Theorem 6.1.1, errata E22"),
+    "tracking_measured": Entry(
+        TrajectoryTracking,
+        "the same, with the measured external force cancelled",
+        "Theorem 6.1.1, errata E22",
+        "q, q̇, external force",
+        {"measured": True},
     ),
     "reduction_servo": Entry(
         ReductionServo,

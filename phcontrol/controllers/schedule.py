@@ -10,6 +10,7 @@ import numpy as np
 
 from phcontrol._validation import Array, number, sequence
 from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -34,6 +35,7 @@ class Schedule(Controller):
     """
 
     name = "schedule"
+    forms = TrajectoryTracking.forms  # its laws may have any
 
     def __init__(self, steps: Sequence[tuple[float, Controller]]) -> None:
         steps = sequence("steps", steps, "pairs (start time, law)", "__len__")

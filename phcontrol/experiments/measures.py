@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from phcontrol._validation import Array
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories.trajectory import Trajectory
 
 
 def touch_time(log: Log) -> float:
@@ -37,3 +38,9 @@ def _stays_from(log: Log, inside: NDArray[np.bool_]) -> float:
     if outside.size == 0:
         return 0.0
     return float(log.time[outside[-1] + 1]) if outside[-1] + 1 < len(log) else float("inf")
+
+
+def tracking_error(log: Log, trajectory: Trajectory) -> Array:
+    """Return q − q_d at every sample, shape (N, n) [rad]."""
+    error: Array = log.position - np.array([trajectory.at(float(t)).position for t in log.time])
+    return error

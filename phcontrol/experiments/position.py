@@ -1,7 +1,8 @@
-"""An arm goes from rest to a posture and stays there: the first thing to try on any arm."""
+"""Any law on any arm, from rest at home: to a posture, or along a trajectory. The first thing to try."""
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from dataclasses import dataclass
@@ -10,24 +11,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import eigh
 
 from phcontrol._files import write_json
 from phcontrol._validation import Array, choice
 from phcontrol.analysis.certificate import Certificate, certify
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.trajectories.limits import LimitReport, check_limits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REACHABLE = {"pera": (-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2), "pera_shoulder": (1.0, 0.5), "pera_gripper": (0.6,)}
 """Postures inside the joint limits, for the shipped arms [rad]."""
+
+LONGEST_STEP, SHORTEST_STEP = 1e-3, 1e-4
+"""Steps of the integrator that are chosen on their own [s]."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +45,22 @@ class PositionRun:
     log: Log
     certificate: Certificate
     goal: Array
+    """Where the arm should be, shape (n,), or at every sample, shape (N, n) [rad]."""
     wall_time: float
     robot: Robot
+    limits: LimitReport | None = None
+    """What the trajectory asks of the arm; None for a law that has none."""
 
     @property
     def final_error(self) -> float:
-        """Largest joint error at the end [rad]."""
-        return float(np.abs(self.log.position[-1] - self.goal).max())
+        """Largest joint error at the end [rad]; in continuous joints the shorter way round."""
+        return float(self.errors[-1])
+
+    @property
+    def errors(self) -> Array:
+        """Largest joint error at every sample, shape (N,) [rad]."""
+        error: Array = np.abs(self.robot.difference(self.log.position, self.goal)).max(axis=1)
+        return error
 
     @property
     def outcome(self) -> str:
@@ -71,17 +88,25 @@ class PositionRun:
         ]
         balance = log.power_balance("plant")
         grew = self.largest_storage_step
+        never = grew <= max(1e-9 * float(log.storage.max()), 1e-12)
+        follows = [] if self.limits is None else [
+            f"  error on the way   {self.errors.max():.2e} rad at most, "
+            f"{self.errors[len(log) // 2 :].max():.2e} rad in the second half",
+            *(f"  {line}" for line in str(self.limits).splitlines()),
+        ]  # fmt: skip
         return "\n".join(
             [
                 f"{log.metadata['controller']} ({log.metadata['interconnection']}) on {robot.name}, {robot.n} joints",
                 f"  final error        {self.outcome} after {log.time[-1]:g} s",
                 f"  storage H_d        {log.storage[0]:.3g} J -> {log.storage[-1]:.3g} J, "
-                + ("never grew" if grew <= 1e-9 * log.storage[0] else f"grew by up to {grew:.2g} J in a step"),
+                + ("never grew" if never else f"grew by up to {grew:.2g} J in a step"),
+                *follows,
                 f"  plant's power      balances to {balance.largest_residual:.1e} W "
                 f"({balance.relative_residual:.1e} of the largest power)",
                 f"  torque limits      acted on {int(log.saturated.sum())} of {len(log)} samples",
                 f"  velocity limits    {'kept' if not fast else 'exceeded: ' + ', '.join(fast)}",
-                f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s)",
+                f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s, "
+                f"steps of {1e3 * log.metadata['dt']:.3g} ms)",
                 "",
                 str(self.certificate),
             ]
@@ -112,10 +137,35 @@ def reachable_goal(robot: Robot) -> Array:
     """Return a posture inside the limits, some way from home."""
     if robot.name in REACHABLE and len(REACHABLE[robot.name]) == robot.n:
         return np.array(REACHABLE[robot.name])
-    middle = np.where(np.isfinite(robot.lower + robot.upper), 0.5 * (robot.lower + robot.upper), robot.home + 1.0)
-    step = np.where(np.array(robot.prismatic), 0.05, 0.4)
-    goal: Array = robot.home + np.clip(np.where(middle == robot.home, step, middle - robot.home), -step, step)
-    return goal
+    return robot.near_home()
+
+
+def stable_step(law: Controller, posture: Array, integrator: str = "rk4", control_period: float | None = None) -> float:
+    """Return the step of an integrator [s]: 1 ms, or less where friction and damping at rest would make that unstable.
+
+    The fastest rate is the largest eigenvalue of M⁻¹(D + G C Gᵀ) at home and at the posture; half of what the
+    integrator bears is used. Raises InvalidArgumentError where that is less than 0.1 ms: such an arm has dry friction
+    on joints without the rotors that go with it.
+    """
+    system, rate, slowest = law.system, 0.0, ""
+    damping = getattr(law, "damping", None)
+    for position in (system.robot.home, posture):
+        x = system.at(position)
+        injected = 0.0 if damping is None else x.input_matrix @ damping @ x.input_matrix.T
+        rates, directions = eigh(x.damping_matrix + injected, x.mass_matrix)
+        if rates[-1] > rate:
+            rate, slowest = float(rates[-1]), system.robot.joint_names[int(np.abs(directions[:, -1]).argmax())]
+    longest = 0.5 * INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].stability / max(rate, 1e-9)
+    if longest < SHORTEST_STEP:
+        raise InvalidArgumentError(
+            "dt",
+            f"friction brakes joint '{slowest}' of {system.robot.name} at {rate:.2g} 1/s, which needs steps of "
+            f"{longest:.1g} s: its description has friction but no rotor inertia; give one (an armature of 0.05, for "
+            "instance), lock that joint, set dt yourself, or integrate with implicit_midpoint",
+        )
+    period = LONGEST_STEP if control_period is None else control_period
+    step = min(LONGEST_STEP, longest)
+    return period / max(1, math.ceil(period / step - 1e-9))
 
 
 def run_position(
@@ -127,25 +177,39 @@ def run_position(
     interconnection: str = "coriolis",
     samples: int = 50,
     options: dict[str, Any] | None = None,
+    dt: float | None = None,
+    integrator: str = "rk4",
+    control_period: float | None = None,
     **simulation: Any,
 ) -> PositionRun:
-    """Take an arm from its home to a goal and certify the law that did it.
+    """Let a law act on an arm that rests at home, and certify it there.
 
     Args:
         system: the arm.
-        controller: a registered law that holds a position.
-        goal: [rad]; by default a reachable posture of the arm.
+        controller: a registered law.
+        goal: [rad]; by default a reachable posture of the arm. A tracking law goes there by minimum jerk, unless
+            ``options`` has another trajectory.
         duration: [s].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
         options: gains of the law, replacing the defaults.
+        dt: step of the integrator [s]; by default 1 ms, or less where the friction asks for it (``stable_step``).
+        integrator: as in ``simulate``.
+        control_period: as in ``simulate``.
         simulation: passed on to ``simulate``.
     """
     if issubclass(CONTROLLERS[choice("controller", controller, CONTROLLERS)].law, VisualServo):
         raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
     law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **(options or {}))
+    step = stable_step(law, posture, integrator, control_period) if dt is None else dt
+    simulation |= {"dt": step, "integrator": integrator, "control_period": control_period}
     start = time.perf_counter()
     log = simulate(system, law, duration=duration, **simulation)
     wall_time = time.perf_counter() - start
-    return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
+    if not isinstance(law, TrajectoryTracking):
+        return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
+    certificate = certify(law.unheld, system, samples=samples)
+    wished = np.array([law.trajectory.at(float(t)).position for t in log.time])
+    limits = check_limits(law.trajectory, system)
+    return PositionRun(log, certificate, wished, wall_time, system.robot, limits)

@@ -167,31 +167,44 @@ static PyObject *factor(PyObject *module, PyObject *const *arguments, Py_ssize_t
 
 static PyObject *solve_either(PyObject *const *arguments, Py_ssize_t given, int transposed) {
   npy_intp n = size_of(arguments, given, 2);
-  double *b;
   Workspace space;
-  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor") || !is_doubles(arguments[1], 1, n, "vector")) return NULL;
+  if (n < 0 || !is_doubles(arguments[0], 2, n, "factor")) return NULL;
+  int dimensions = PyArray_Check(arguments[1]) ? PyArray_NDIM((PyArrayObject *)arguments[1]) : 0;
+  PyArrayObject *right = (PyArrayObject *)arguments[1];
+  if (dimensions < 1 || dimensions > 2 || PyArray_TYPE(right) != NPY_DOUBLE || !PyArray_ISBEHAVED_RO(right) ||
+      PyArray_DIM(right, 0) != n) {
+    PyErr_Format(PyExc_ValueError, "the right-hand side must be a float64 array with 1 or 2 axes, the first of length %zd",
+                 (Py_ssize_t)n);
+    return NULL;
+  }
+  npy_intp columns = dimensions == 1 ? 1 : PyArray_DIM(right, 1);
+  npy_intp row = PyArray_STRIDE(right, 0), column = dimensions == 1 ? 0 : PyArray_STRIDE(right, 1);
   if (!workspace_open(&space, n * n)) return NULL;
   double *T = workspace_take(&space, n * n);
-  PyObject *result = new_vector(n, &b);
+  PyObject *result = PyArray_EMPTY(dimensions, PyArray_DIMS(right), NPY_DOUBLE, 1);
   if (result != NULL) {
+    double *out = PyArray_DATA((PyArrayObject *)result);
     read_matrix(arguments[0], n, T);
-    read_vector(arguments[1], n, b);
-    if (transposed) {
-      backward(T, n, b);
-    } else {
-      forward(T, n, n, b);
+    for (npy_intp j = 0; j < columns; j++, out += n) {
+      const char *data = PyArray_BYTES(right) + j * column;
+      for (npy_intp i = 0; i < n; i++) out[i] = *(const double *)(data + i * row);
+      if (transposed) {
+        backward(T, n, out);
+      } else {
+        forward(T, n, n, out);
+      }
     }
   }
   workspace_close(&space);
   return result;
 }
 
-PyDoc_STRVAR(solve_doc, "solve(factor, vector)\n--\n\nReturn T^-1 b.");
+PyDoc_STRVAR(solve_doc, "solve(factor, right)\n--\n\nReturn T^-1 b for a vector or the columns of a matrix.");
 static PyObject *solve(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   return solve_either(arguments, given, 0);
 }
 
-PyDoc_STRVAR(solve_transposed_doc, "solve_transposed(factor, vector)\n--\n\nReturn T^-T b.");
+PyDoc_STRVAR(solve_transposed_doc, "solve_transposed(factor, right)\n--\n\nReturn T^-T b for a vector or the columns of a matrix.");
 static PyObject *solve_transposed(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   return solve_either(arguments, given, 1);
 }
@@ -283,6 +296,40 @@ static PyObject *momentum_derivative(PyObject *module, PyObject *const *argument
   return result;
 }
 
+PyDoc_STRVAR(feedback_doc,
+             "feedback(force, stiffness, error, damping, velocity, desired)\n--\n\n"
+             "Return f - K e - C (v - s).");
+static PyObject *feedback(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 6);
+  double *out;
+  Workspace space;
+  if (n < 0 || !is_doubles(arguments[0], 1, n, "force") || !is_doubles(arguments[1], 2, n, "stiffness") ||
+      !is_doubles(arguments[2], 1, n, "error") || !is_doubles(arguments[3], 2, n, "damping") ||
+      !is_doubles(arguments[4], 1, n, "velocity") || !is_doubles(arguments[5], 1, n, "desired"))
+    return NULL;
+  if (!workspace_open(&space, n * n + 2 * n)) return NULL;
+  double *A = workspace_take(&space, n * n), *e = workspace_take(&space, n), *s = workspace_take(&space, n);
+  PyObject *result = new_vector(n, &out);
+  if (result != NULL) {
+    read_vector(arguments[0], n, out);
+    for (int pass = 0; pass < 2; pass++) { /* the spring, then the damper */
+      read_matrix(arguments[1 + 2 * pass], n, A);
+      read_vector(arguments[2 + 2 * pass], n, e);
+      if (pass == 1) {
+        read_vector(arguments[5], n, s);
+        for (npy_intp i = 0; i < n; i++) e[i] -= s[i];
+      }
+      for (npy_intp i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (npy_intp j = 0; j < n; j++) sum += A[i * n + j] * e[j];
+        out[i] -= sum;
+      }
+    }
+  }
+  workspace_close(&space);
+  return result;
+}
+
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(solve),
@@ -290,6 +337,7 @@ static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(relative_factor_rate),
                                 METHOD(transformed_rate),
                                 METHOD(momentum_derivative),
+                                METHOD(feedback),
                                 {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",

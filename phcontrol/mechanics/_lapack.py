@@ -30,15 +30,15 @@ def factor(mass_matrix: Array) -> Array:
     return result
 
 
-def solve(factor: Array, vector: Array) -> Array:
-    """Return T⁻¹b."""
-    result: Array = _dtrtrs(factor, vector, 1)[0]
+def solve(factor: Array, right: Array) -> Array:
+    """Return T⁻¹b for a vector or the columns of a matrix."""
+    result: Array = _dtrtrs(factor, right, 1)[0]
     return result
 
 
-def solve_transposed(factor: Array, vector: Array) -> Array:
-    """Return T⁻ᵀb."""
-    result: Array = _dtrtrs(factor, vector, 1, 1)[0]
+def solve_transposed(factor: Array, right: Array) -> Array:
+    """Return T⁻ᵀb for a vector or the columns of a matrix."""
+    result: Array = _dtrtrs(factor, right, 1, 1)[0]
     return result
 
 
@@ -61,4 +61,11 @@ def momentum_derivative(factor: Array, mass_matrix_derivative: Array, momentum: 
     reduced = inverse @ mass_matrix_derivative @ inverse.T
     reduced *= _mask(len(inverse))
     result: Array = -np.ascontiguousarray(reduced.dot(momentum).T)
+    return result
+
+
+def feedback(force: Array, stiffness: Array, error: Array, damping: Array, velocity: Array, desired: Array) -> Array:
+    """Return f − K e − C(v − s)."""
+    result: Array = force - stiffness.dot(error)
+    result -= damping.dot(velocity - desired)
     return result

@@ -51,6 +51,13 @@ class CoupledMechanicalState(MechanicalState):
         result: Array = self._map.T.dot(full)
         return result
 
+    def _newton_euler(self, mean: Array, lag: Array, acceleration: Array) -> Array:
+        system, E = self.system, self._map
+        full: Array = pin.rnea(system.model, system.data, self._joints, E.dot(mean), E.dot(acceleration))
+        full -= pin.nonLinearEffects(system.weightless_model, system.data, self._joints, E.dot(lag))
+        result: Array = E.T.dot(full)
+        return result
+
     def _weight_energy(self) -> float:
         return float(pin.computePotentialEnergy(self.system.model, self.system.data, self._joints))
 

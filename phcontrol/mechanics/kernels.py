@@ -5,10 +5,11 @@ dozen calls of a microsecond each. With T lower triangular, M = T Tᵀ, and Φ(X
 diagonal halved:
 
     factor(M)                            T; ArithmeticError unless M is positive definite
-    solve(T, b), solve_transposed(T, b)  T⁻¹b, T⁻ᵀb for a vector b
+    solve(T, b), solve_transposed(T, b)  T⁻¹b, T⁻ᵀb for a vector or the columns of a matrix b
     relative_factor_rate(T, C)           T⁻¹Ṫ = Φ(T⁻¹(C + Cᵀ)T⁻ᵀ)
     transformed_rate(T, C, s, f)         Ṫᵀs + T⁻¹(f − C s)
     momentum_derivative(T, ∂M/∂q, p̄)     P = ∂(T⁻¹p)/∂q: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄
+    feedback(f, K, e, C, v, s)           f − K e − C(v − s)
 
 Arrays are float64, (n,), (n, n) or (n, n, n) with any strides; ValueError otherwise. The environment variable
 ``PHCONTROL_KERNELS=lapack`` chooses LAPACK, ``PHCONTROL_KERNELS=compiled`` insists on the compiled one.
@@ -22,6 +23,7 @@ from typing import TYPE_CHECKING
 __all__ = [
     "KERNELS",
     "factor",
+    "feedback",
     "momentum_derivative",
     "relative_factor_rate",
     "solve",
@@ -36,6 +38,7 @@ if _wish not in ("", "compiled", "lapack"):
 if TYPE_CHECKING or _wish == "lapack":
     from phcontrol.mechanics._lapack import (
         factor,
+        feedback,
         momentum_derivative,
         relative_factor_rate,
         solve,
@@ -48,6 +51,7 @@ else:
     try:
         from phcontrol.mechanics._compiled import (
             factor,
+            feedback,
             momentum_derivative,
             relative_factor_rate,
             solve,
@@ -61,6 +65,7 @@ else:
             raise ImportError("PHCONTROL_KERNELS is 'compiled', but the kernels were not built") from error
         from phcontrol.mechanics._lapack import (
             factor,
+            feedback,
             momentum_derivative,
             relative_factor_rate,
             solve,

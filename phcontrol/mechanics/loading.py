@@ -31,7 +31,7 @@ def load_robot(
     source: str | os.PathLike[str],
     *,
     locked_joints: Sequence[str] | Mapping[str, float] = (),
-    armature: ArrayLike | None = None,
+    armature: ArrayLike | Mapping[str, float] | None = None,
     package_directories: Sequence[str | os.PathLike[str]] = (),
 ) -> Robot:
     """Load a fixed-base arm.
@@ -40,8 +40,9 @@ def load_robot(
         source: a robot shipped with phcontrol ("pera"), a path to a URDF file, or a name of
             example-robot-data ("panda", "ur5").
         locked_joints: names of joints to hold fixed at their home angle, or angles [rad] by name.
-        armature: reflected rotor inertia [kg m²], one for all joints or one each; part of M(q)
-            everywhere. By default what the robot's description gives.
+        armature: reflected rotor inertia [kg m²] ([kg] of a prismatic joint), one for all joints, one each, or
+            by joint name (others as described); part of M(q) everywhere. By default what the robot's
+            description gives.
         package_directories: where ``package://`` names of meshes are looked for (visualization only).
 
     Raises:
@@ -287,13 +288,18 @@ def _friction(joints: list[ET.Element], extras: dict[str, Any]) -> StribeckFrict
     )
 
 
-def _with_armature(robot: Robot, armature: ArrayLike) -> Robot:
+def _with_armature(robot: Robot, armature: ArrayLike | Mapping[str, float]) -> Robot:
+    names = list(robot.model.names)[1:]
+    index = [names.index(name) for name in robot.joint_names]
+    full = np.zeros(robot.model.nv)
+    if isinstance(armature, Mapping):
+        full = np.array(robot.model.armature)
+        check_joint_names(list(armature), robot.joint_names, robot.name)
+        armature = [armature.get(name, full[i]) for name, i in zip(robot.joint_names, index, strict=True)]
     values = per_joint("armature", armature, robot.n)
     if (values < 0.0).any():
         raise InvalidArgumentError("armature", f"must be >= 0 [kg m²], but is {values.tolist()}")
     model = robot.model.copy()
-    names = list(model.names)[1:]
-    full = np.zeros(model.nv)
-    full[[names.index(name) for name in robot.joint_names]] = values
+    full[index] = values
     model.armature = full
     return replace(robot, model=model)

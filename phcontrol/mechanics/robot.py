@@ -101,6 +101,20 @@ class Robot:
             position[self.joint_index(name)] = value
         return vector("position", position, self.n)
 
+    def difference(self, position: Array, target: Array) -> Array:
+        """Return position ⊖ target, shape (n,) [rad]; in continuous joints wrapped to (−π, π]."""
+        error = position - target
+        return np.where(self.continuous, wrapped(error), error)
+
+    def near_home(self) -> Array:
+        """Return a posture inside the limits a step from home: 0.4 rad at most, 0.05 m for prismatic joints."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        low, high = np.where(bounded, self.lower, self.home), np.where(bounded, self.upper, self.home + 2.0)
+        middle = 0.5 * (low + high)
+        step = np.where(np.array(self.prismatic or [False] * self.n), 0.05, 0.4)
+        posture: Array = self.home + np.clip(np.where(middle == self.home, step, middle - self.home), -step, step)
+        return np.clip(posture, self.lower, self.upper)
+
     def full_position(self, position: Array) -> Array:
         """Return all joint angles of ``model`` at n independent ones (the same, without mimic joints)."""
         if self.coupling is None:
@@ -161,6 +175,12 @@ class Robot:
                     f"what moves with joint '{joint}' has no mass or inertia. Give that link an <inertial> element, "
                     f"or lock the joint with locked_joints=['{joint}']"
                 )
+
+
+def wrapped(angle: Array) -> Array:
+    """Return angles taken to (−π, π] by whole turns [rad]."""
+    result: Array = np.pi - np.remainder(np.pi - angle, 2.0 * np.pi)
+    return result
 
 
 def check_joint_names(names: Sequence[str], known: Sequence[str], robot: str) -> None:

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import derivatives, kernels
-from phcontrol.mechanics.robot import REFERENCES
+from phcontrol.mechanics.robot import REFERENCES, wrapped
 
 if TYPE_CHECKING:
     from phcontrol.mechanics.system import MechanicalSystem
@@ -21,6 +20,7 @@ INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
 
 _crba, _coriolis, _gravity, _aba = pin.crba, pin.computeCoriolisMatrix, pin.computeGeneralizedGravity, pin.aba
+_rnea, _nle = pin.rnea, pin.nonLinearEffects
 _factor, _solve, _solve_transposed = kernels.factor, kernels.solve, kernels.solve_transposed
 _transformed_rate = kernels.transformed_rate
 
@@ -176,12 +176,33 @@ class MechanicalState:
         rate: Array = self.total_force(external_force) + (torque if matrix is None else matrix.dot(torque))
         return rate
 
+    def feedforward(self, velocity: Array, acceleration: Array) -> Array:
+        """Return M a + C(q, q̇)s + D(q̇)s + ∂V/∂q for a velocity s [rad/s] and an acceleration a [rad/s²], shape (n,).
+
+        It is what makes the arm move along with s and a [N·m]. C(q, q̇)s is bilinear and symmetric in q̇ and s, and
+        h(v) = C(q, v)v, so that C(q, q̇)s = h(½(q̇ + s)) − h(½(q̇ − s)): two recursive Newton-Euler passes, no matrix.
+        """
+        mean = self.velocity + velocity
+        mean *= 0.5
+        force = self._newton_euler(mean, self.velocity - mean, acceleration)
+        if self.system.friction is not None:
+            force += self.damping * velocity  # type: ignore[operator]  # None only without friction
+        for potential in self.system.potentials:
+            force += potential.gradient(self.position)
+        return force
+
+    def _newton_euler(self, mean: Array, lag: Array, acceleration: Array) -> Array:
+        """Return M a + h(mean) − h(lag) + g [N·m]."""
+        system = self.system
+        force: Array = _rnea(system.model, system.data, self.position, mean, acceleration)
+        force -= _nle(system.weightless_model, system.data, self.position, lag)
+        return force
+
     def position_error(self, target: Array) -> Array:
         """Return q ⊖ target, shape (n,) [rad]; in continuous joints wrapped to (−π, π]."""
         error: Array = self.position - target
         if self.system.has_continuous_joints:
-            wrapped = -np.remainder(np.pi - error, 2.0 * np.pi) + np.pi
-            error = np.where(self.system.robot.continuous, wrapped, error)
+            error = np.where(self.system.robot.continuous, wrapped(error), error)
         return error
 
     # --- the transformed coordinates (thesis 2.31 to 2.41) --------------------------------------
@@ -197,17 +218,11 @@ class MechanicalState:
 
     def solve_factor(self, force: Array) -> Array:
         """Return T⁻¹f for a vector or the columns of a matrix."""
-        if force.ndim == 1:
-            return _solve(self.factor, force)
-        result: Array = lapack.dtrtrs(self.factor, force, 1)[0]
-        return result
+        return _solve(self.factor, force)
 
     def solve_factor_transposed(self, momentum: Array) -> Array:
         """Return T⁻ᵀp̄ for a vector or the columns of a matrix."""
-        if momentum.ndim == 1:
-            return _solve_transposed(self.factor, momentum)
-        result: Array = lapack.dtrtrs(self.factor, momentum, 1, 1)[0]
-        return result
+        return _solve_transposed(self.factor, momentum)
 
     @lazy
     def transformed_momentum(self) -> Array:

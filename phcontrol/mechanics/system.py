@@ -69,6 +69,9 @@ class MechanicalSystem:
             self.input_factors = lapack.dgetrf(self.input_matrix)[:2]
         self.model: pin.Model = robot.model.copy()
         self.model.gravity.linear = np.array(vector("gravity", gravity, 3))
+        self.weightless_model: pin.Model = self.model.copy()
+        """The same arm without gravity."""
+        self.weightless_model.gravity.linear = np.zeros(3)
         self.data: pin.Data = self.model.createData()
         self.coupling = robot.coupling
         self.has_continuous_joints = bool(robot.continuous.any())
@@ -98,6 +101,13 @@ class MechanicalSystem:
         ):
             return self.state_type(self, position.copy(), velocity.copy())
         return self.state_type(self, vector("position", position, self.n), vector("velocity", velocity, self.n))
+
+    def motor_torque(self, force: Array) -> Array:
+        """Return u = G⁻¹f, the torque that acts on the joints as f, shape (n,) [N·m]."""
+        if self.input_matrix is None:
+            return force
+        torque: Array = lapack.dgetrs(*self.input_factors, force)[0]
+        return torque
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame. Raises UnknownNameError, listing the frames."""

@@ -33,12 +33,14 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
 
 
 def plot_joints(axes: Axes, log: Log, goal: Array | None = None) -> None:
-    """Draw joint positions over time, and dashed where they should go."""
+    """Draw joint positions over time, and dashed where they should be: one goal (n,), or one a sample (N, n)."""
     for i, (name, position) in enumerate(zip(log.metadata["joint_names"], log.position.T, strict=True)):
         color = COLORS[i % len(COLORS)]
         axes.plot(log.time, position, color=color, label=name)
-        if goal is not None:
+        if goal is not None and goal.ndim == 1:
             axes.axhline(goal[i], color=color, linestyle="--", linewidth=0.8, alpha=0.7)
+        elif goal is not None:
+            axes.plot(log.time, goal[:, i], color="black", linestyle="--", linewidth=0.8, alpha=0.7)
     _finish(axes, "joint positions (dashed: goal)" if goal is not None else "joint positions", "q [rad]")
     axes.legend(fontsize=7, ncols=2, framealpha=0.8)
 

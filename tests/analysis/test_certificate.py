@@ -17,21 +17,19 @@ from phcontrol import (
 )
 from phcontrol.analysis.certificate import MATCHING_TOLERANCE
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
-from phcontrol.mechanics.state import INTERCONNECTIONS
 from tests.conftest import ARMS, make_system
 
-LAWS_AND_ARMS = [(law, arm) for arm in ARMS for law in laws_for(make_system(arm))]
+FORMS = [(law, form) for law, entry in CONTROLLERS.items() for form in entry.law.forms]
+CASES = [(law, arm, form) for arm in ARMS for law in laws_for(make_system(arm)) for form in CONTROLLERS[law].law.forms]
 
 
-@pytest.mark.parametrize("form", INTERCONNECTIONS)
-@pytest.mark.parametrize(("law", "arm"), LAWS_AND_ARMS)
+@pytest.mark.parametrize(("law", "arm", "form"), CASES)
 def test_every_law_is_what_it_claims_on_every_arm(law, arm, form):
     certificate = certify(make_controller(law, make_system(arm), interconnection=form), samples=20)
     assert certificate.passed, str(certificate)
 
 
-@pytest.mark.parametrize("form", INTERCONNECTIONS)
-@pytest.mark.parametrize("law", list(CONTROLLERS))
+@pytest.mark.parametrize(("law", "form"), FORMS)
 def test_every_law_is_what_it_claims_with_gears_and_coupled_gains(law, form):
     """G not the identity, and full matrices as gains: nothing diagonal to hide behind."""
     rng = np.random.default_rng(3)
@@ -51,7 +49,7 @@ def coupled_gains(law, rng):
             gains[name] = root + 3.0 * np.eye(3)
         elif name == "force":
             gains[name] = root[0]
-        elif name not in ("goal", "posture_gain"):
+        elif name not in ("goal", "trajectory", "posture_gain"):
             gains[name] = root @ root.T + np.eye(3)
     if "rate" in gains:  # KΛ + ΛᵀK must be positive definite
         gains["rate"] = gains["rate"] @ gains["stiffness"]

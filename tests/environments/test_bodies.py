@@ -7,7 +7,7 @@ import warnings
 import coal
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from phcontrol import (
@@ -100,6 +100,7 @@ def test_energy_of_robot_body_and_controller_closes(body, of):
 
 
 @settings(max_examples=25)
+@example(speed=0.80078125, stiffness=2152.0, damping=0.0, fineness=0.109375, compliant=False)
 @given(
     speed=st.floats(0.05, 2.0),
     stiffness=st.floats(10.0, 1e4),
@@ -108,7 +109,11 @@ def test_energy_of_robot_body_and_controller_closes(body, of):
     compliant=st.booleans(),
 )
 def test_no_contact_creates_energy(speed, stiffness, damping, fineness, compliant):
-    """A free gripper runs into a body: arm, body and contact together never hold more than at the start."""
+    """A free gripper runs into a body: arm, body and contact together never hold more than at the start.
+
+    But for the integrator: a step of RK4 that crosses the kink of a spring at a fraction s is wrong by
+    (s/6 - s²/2) f² v in velocity, f the step times the fastest rate: at most f²/12 of the energy, and that twice.
+    """
     where = JointContact("gripper", 0.25)
     if compliant:
         body = CompliantBody(where, stiffness=stiffness / 100.0, damping=damping / 10.0, mass=0.05)
@@ -120,7 +125,7 @@ def test_no_contact_creates_energy(speed, stiffness, damping, fineness, complian
         FREE_GRIPPER, IdleLaw(FREE_GRIPPER), duration=150 * dt + 0.06 / speed, dt=dt, v0=[-speed], bodies=[body]
     )
     total = log.kinetic_energy + log.potential_energy + log.contact_energy
-    assert total.max() <= total[0] + 1e-3 * 0.25 * speed**2
+    assert total.max() <= total[0] * (1.0 + fineness**2 / 6.0)
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e4])

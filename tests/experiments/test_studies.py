@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from functools import cache
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from phcontrol import InvalidArgumentError, UnknownNameError
 from phcontrol.experiments.claims import Claim
 from phcontrol.experiments.registry import STUDIES, run_study
+from phcontrol.experiments.tracking import AMPLITUDE, SHARP, error_table
 
 GRASP_TIMES = {f"settled-{law}" for law in ("grasping", "classical-compensated", "classical")}
 GRASP_IMPACTS = {f"impact-{law}" for law in ("grasping", "classical-compensated", "classical")}
@@ -25,6 +27,11 @@ NOT_REPRODUCED = {
     "fig-4-8": {"impact-classical-compensated", "impact-classical", "settled-grasping"},
     "fig-4-9": {"contact-grasping"},
     "fig-4-10": {"impact-classical", "settled-grasping", "impact-regulated"},
+    "fig-6-1": set(),
+    "fig-6-2": {"error"},
+    "fig-6-3": set(),
+    "fig-6-4": {"higher-frequency-smaller-error", "error-at-slowest"},
+    "track-pera": {"hold"},
     "pera-press": set(),
     "grasp-grid": {"contact", "impact", "settled"},
     "fig-5-3": {"reduction-is-better"},
@@ -56,6 +63,16 @@ def test_everything_is_written(outcome, tmp_path):
     assert outcome.figures
     for name in outcome.figures:
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+def test_model_errors_of_the_tracking_study():
+    """Theory: friction 20 % wrong 6.3 mrad, none 33, viscous left out F_v A ω/K_t, 3 N·m unmeasured 3/K_t."""
+    peaks = error_table(SHARP)
+    expected = {"friction-low": 6.3e-3, "friction-high": 6.3e-3, "no-friction": 33e-3, "unmeasured-force": 3.0 / 45.0}
+    expected |= dict.fromkeys(("no-viscous", "twice-viscous"), 4.119 * AMPLITUDE * 2.0 * math.pi / 30.0 / 45.0)
+    for name, value in expected.items():
+        assert peaks[name] == pytest.approx(value, rel=0.1), name
+    assert peaks["exact"] < 1e-9
 
 
 def test_a_claim_that_is_not_reproduced_must_say_why():

@@ -52,11 +52,12 @@ def test_factor_is_the_cholesky_factor(kernels, data, layout):
 @given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
 def test_solves_undo_products(kernels, data, layout):
     mass, coriolis = matrices(data.draw)
-    factor, vector = np.linalg.cholesky(mass), coriolis[0]
-    forward = kernels.solve(LAYOUTS[layout](factor), LAYOUTS[layout](vector))
-    backward = kernels.solve_transposed(LAYOUTS[layout](factor), LAYOUTS[layout](vector))
-    np.testing.assert_allclose(factor @ forward, vector, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(factor.T @ backward, vector, rtol=0, atol=1e-12)
+    factor = np.linalg.cholesky(mass)
+    for right in (coriolis[0], coriolis, coriolis[:, : (len(mass) + 1) // 2], coriolis[:, :0]):
+        forward = kernels.solve(LAYOUTS[layout](factor), LAYOUTS[layout](right))
+        backward = kernels.solve_transposed(LAYOUTS[layout](factor), LAYOUTS[layout](right))
+        np.testing.assert_allclose(factor @ forward, right, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(factor.T @ backward, right, rtol=0, atol=1e-12)
 
 
 @every_implementation
@@ -67,6 +68,16 @@ def test_relative_factor_rate_is_that_of_a_moving_cholesky_factor(kernels, data,
     rate = factor_rate(mass, coriolis)
     result = kernels.relative_factor_rate(LAYOUTS[layout](factor), LAYOUTS[layout](coriolis))
     np.testing.assert_allclose(factor @ result, rate, rtol=0, atol=1e-8)
+
+
+@every_implementation
+@given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
+def test_feedback_is_a_spring_and_a_damper(kernels, data, layout):
+    stiffness, damping = matrices(data.draw)
+    force, error, velocity, desired = (damping[i % len(damping)] + i for i in range(4))
+    expected = force - stiffness @ error - damping @ (velocity - desired)
+    inputs = [LAYOUTS[layout](array) for array in (force, stiffness, error, damping, velocity, desired)]
+    np.testing.assert_allclose(kernels.feedback(*inputs), expected, rtol=0, atol=1e-10 * np.abs(stiffness).max())
 
 
 @every_implementation
@@ -123,10 +134,13 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         lambda: compiled.factor(np.float64(1.0)),
         lambda: compiled.factor(np.eye(3).astype(">f8")),
         lambda: compiled.solve(matrix, np.ones(4)),
-        lambda: compiled.solve(matrix, np.ones((3, 1))),
+        lambda: compiled.solve(matrix, np.ones((4, 3))),
+        lambda: compiled.solve(matrix, np.ones((3, 1, 1))),
+        lambda: compiled.solve_transposed(matrix, None),
         lambda: compiled.solve(matrix, np.ones(3, dtype=int)),
         lambda: compiled.transformed_rate(matrix, matrix, vector, None),
         lambda: compiled.momentum_derivative(matrix, matrix, vector),
+        lambda: compiled.feedback(vector, matrix, vector, matrix, vector, np.ones(4)),
     ):
         with pytest.raises(ValueError, match="array"):
             call()

@@ -158,6 +158,22 @@ def test_errors_of_continuous_joints_are_wrapped():
     np.testing.assert_allclose(error, np.where(continuous, 6.0 - 2.0 * np.pi, 6.0))
 
 
+def test_errors_of_continuous_joints_are_those_of_pinocchio_on_the_circle(rng):
+    """q ⊖ q_d by Pinocchio's ``difference`` on the same URDF, where a continuous joint is a cosine and a sine."""
+    robot = load_robot("kinova")
+    model = pin.buildModelFromUrdf(str(robot.path))
+    assert model.nq > model.nv == robot.n
+
+    def on_the_circle(q):
+        parts = [[np.cos(a), np.sin(a)] if turning else [a] for a, turning in zip(q, robot.continuous, strict=True)]
+        return np.concatenate(parts)
+
+    for _ in range(20):
+        a, b = rng.uniform(-10.0, 10.0, size=(2, robot.n))
+        expected = pin.difference(model, on_the_circle(b), on_the_circle(a))
+        np.testing.assert_allclose(robot.difference(a, b), expected, atol=1e-9)
+
+
 def test_states_copy_what_they_are_given(pera):
     q = np.zeros(7)
     x = pera.at(q)

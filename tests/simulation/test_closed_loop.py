@@ -25,8 +25,9 @@ THESIS = {"goal": [1.0, 0.5], "stiffness": 15.0, "damping": 10.0}  # section 3.4
 EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}
 
 
-NOT_FOR_POSITIONS = ("force_control", "reduction_servo", "hamiltonian_servo")
-POSITION_LAWS = {name: {"stiffness": 60.0} for name in CONTROLLERS if name not in NOT_FOR_POSITIONS}
+# these have tests of their own
+NO_POSITION = ("force_control", "reduction_servo", "hamiltonian_servo", "tracking", "tracking_measured")
+POSITION_LAWS = {name: {"stiffness": 60.0} for name in CONTROLLERS if name not in NO_POSITION}
 POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "rest_stiffness": 3.0}
 
 

@@ -1,0 +1,83 @@
+"""Certificates of laws on every arm that can be named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from phcontrol.analysis.certificate import Certificate, certify
+from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
+from phcontrol.mechanics.catalogue import example_robots, shipped_robots
+from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.system import MechanicalSystem
+
+
+@dataclass(frozen=True)
+class SurveyRow:
+    """A law on an arm: one certificate for each form of its J̄₂, or why the arm is refused."""
+
+    robot: str
+    joints: int
+    law: str
+    certificates: tuple[Certificate, ...] = ()
+    refused: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Return "passed", "FAILED" or "refused"."""
+        if self.refused:
+            return "refused"
+        return "passed" if all(certificate.passed for certificate in self.certificates) else "FAILED"
+
+    def residual(self, form: str) -> float | None:
+        """Return the matching residual with a form of J̄₂; None where there is none."""
+        for certificate in self.certificates:
+            if certificate.interconnection == form:
+                return certificate.matching_residual
+        return None
+
+
+def every_arm() -> list[str]:
+    """Return the names of all shipped robots and of all of example-robot-data with a fixed base."""
+    return [*shipped_robots(), *(name for name, floating in example_robots().items() if not floating)]
+
+
+def survey(
+    robots: Iterable[str], laws: Sequence[str], *, form: str = "all", samples: int = 20, seed: int = 0
+) -> Iterator[SurveyRow]:
+    """Certify laws on arms, one row after another; what a description or a law refuses makes a row that says why.
+
+    Args:
+        robots: names.
+        laws: registered names.
+        form: one form of J̄₂ for all, or "all" that each law knows.
+        samples: states of each certificate.
+        seed: of the random states.
+    """
+    for name in robots:
+        try:
+            system = MechanicalSystem(load_robot(name))
+        except RobotDescriptionError as error:
+            yield SurveyRow(name, 0, "", refused=str(error))
+            continue
+        for law in laws:
+            forms = CONTROLLERS[law].law.forms if form == "all" else (form,)
+            try:
+                made = [make_controller(law, system, interconnection=each) for each in forms]
+            except InvalidArgumentError as error:  # a law that is not for this arm
+                yield SurveyRow(name, system.n, law, refused=str(error))
+                continue
+            certificates = tuple(certify(each, system, samples=samples, seed=seed) for each in made)
+            yield SurveyRow(name, system.n, law, certificates)
+
+
+def markdown(rows: Iterable[SurveyRow], forms: Sequence[str]) -> Iterator[str]:
+    """Return the lines of a Markdown table of a survey."""
+    yield "| robot | joints | law | " + " | ".join(forms) + " | verdict |"
+    yield "|---|---|---|" + "---|" * (len(forms) + 1)
+    for row in rows:
+        residuals = (row.residual(form) for form in forms)
+        cells = ["" if residual is None else f"{residual:.1e}" for residual in residuals]
+        verdict = f"refused: {row.refused}" if row.refused else row.verdict
+        yield f"| {row.robot} | {row.joints or ''} | {row.law} | " + " | ".join(cells) + f" | {verdict} |"

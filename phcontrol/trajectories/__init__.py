@@ -1,0 +1,1 @@
+"""Where an arm should be, and when."""
