@@ -46,13 +46,21 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.safety.limits import Limits
+from phcontrol.safety.torque_filter import FilteredTorque, FilterStatus, TorqueFilter
 from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.simulation.arm_driver import ArmDriver, Reading, drive
 from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.control_box import ControlBox
+from phcontrol.simulation.control_loop import ControlLoop, LoopMode
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.simulation.packet_faults import PacketFaults
+from phcontrol.simulation.simulated_arm import SimulatedArm
+from phcontrol.simulation.udp_arm import UdpArm
 from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
@@ -74,6 +82,7 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "ArmDriver",
     "Body",
     "CameraSensor",
     "CanonicalCheck",
@@ -81,6 +90,8 @@ __all__ = [
     "ClassicalImpedance",
     "Command",
     "CompliantBody",
+    "ControlBox",
+    "ControlLoop",
     "Controller",
     "CubicSpline",
     "DataFileError",
@@ -88,6 +99,8 @@ __all__ = [
     "EnergyShaping",
     "Equilibrium",
     "FeatureFlow",
+    "FilterStatus",
+    "FilteredTorque",
     "ForceConditions",
     "ForceControl",
     "ForceFeedback",
@@ -102,8 +115,10 @@ __all__ = [
     "InvalidArgumentError",
     "JointContact",
     "LimitReport",
+    "Limits",
     "LiveView",
     "Log",
+    "LoopMode",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
@@ -114,11 +129,13 @@ __all__ = [
     "ObjectLostError",
     "ObservedObject",
     "PHControlError",
+    "PacketFaults",
     "PinholeCamera",
     "Posture",
     "PowerBalance",
     "Pulse",
     "QuinticSpline",
+    "Reading",
     "ReductionServo",
     "Reference",
     "RenderedView",
@@ -130,6 +147,7 @@ __all__ = [
     "SampledTrajectory",
     "Schedule",
     "Shaping",
+    "SimulatedArm",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
@@ -138,10 +156,12 @@ __all__ = [
     "Step",
     "StribeckFriction",
     "Target",
+    "TorqueFilter",
     "TotalForceRejection",
     "TrackingTransformation",
     "Trajectory",
     "TrajectoryTracking",
+    "UdpArm",
     "UnknownNameError",
     "UnreachableTargetError",
     "Wrench",
@@ -150,6 +170,7 @@ __all__ = [
     "check_canonical_transformation",
     "check_limits",
     "damping_for_gain",
+    "drive",
     "equilibrium",
     "extract_features",
     "follow",

@@ -21,7 +21,7 @@ def finite_array(name: str, value: ArrayLike) -> Array:
         if raw.dtype.kind not in "iufb":
             raise TypeError(f"holds {raw.dtype} values")
         array = np.array(raw, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(name, f"must be an array of real numbers ({error})") from error
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
@@ -38,6 +38,23 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     if array.shape != (size,):
         raise InvalidArgumentError(name, f"must have shape ({size},), but has shape {array.shape}")
     return array
+
+
+def per_joint(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a number for all joints, or a vector of one each, as a finite read-only vector of length ``size``."""
+    array = finite_array(name, value)
+    return vector(name, np.full(size, array) if array.ndim == 0 else array, size)
+
+
+def sequence(name: str, values: Any, kind: str, *attributes: str) -> tuple[Any, ...]:
+    """Return a sequence as a tuple; each of its items must have the ``attributes`` that make it a ``kind``."""
+    if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
+        raise InvalidArgumentError(name, f"must be a sequence of {kind}, but is {values!r}")
+    items = tuple(values)
+    for item in items:
+        if not all(hasattr(item, attribute) for attribute in attributes):
+            raise InvalidArgumentError(name, f"must hold {kind}, but one is {type(item).__name__}")
+    return items
 
 
 def matrix(name: str, value: ArrayLike, size: int) -> Array:
@@ -73,7 +90,7 @@ def number(
     """Return ``value`` as a finite float inside its bounds."""
     try:
         result = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(name, f"must be a number, but is {value!r}") from error
     if not math.isfinite(result):
         raise InvalidArgumentError(name, f"must be finite, but is {result}")
@@ -99,14 +116,14 @@ def count(name: str, value: int, *, minimum: int = 1) -> int:
 def choice(kind: str, value: Any, options: Iterable[str]) -> str:
     """Return ``value`` when it is one of ``options``, else list them."""
     known = list(options)
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise UnknownNameError(kind, str(value), known)
     return str(value)
 
 
 def whole_multiple(name: str, period: float, step: float) -> int:
     """Return how many steps [s] make a period [s]; it must be a whole number."""
-    ratio = positive(name, period) / step
+    ratio = min(positive(name, period) / step, 1e15)
     multiple = round(ratio)
     if multiple < 1 or abs(ratio - multiple) > 1e-6 * multiple:
         raise InvalidArgumentError(name, f"must be a whole multiple of dt = {step:g} s, but is {period:g} s")

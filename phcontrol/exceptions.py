@@ -27,8 +27,8 @@ class UnknownNameError(PHControlError, LookupError):
     """A robot, joint, frame, controller or option of that name does not exist. Lists those that do."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
-        self.kind, self.name, self.known = kind, name, sorted(known)
-        close = difflib.get_close_matches(name, self.known, n=1)
+        self.kind, self.name, self.known = kind, str(name), sorted(known)
+        close = difflib.get_close_matches(self.name, self.known, n=1)
         hint = f" Did you mean '{close[0]}'?" if close else ""
         listing = ", ".join(self.known) or "none"
         super().__init__(f"unknown {kind} '{name}'{where}.{hint} Known: {listing}.")

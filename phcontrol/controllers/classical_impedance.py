@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -99,6 +99,10 @@ class ClassicalImpedance(Controller):
         """Return H_d = ½|p̄|² + ½(q − q_f)ᵀK(q − q_f) [J]."""
         error = self._error(x, state)
         return x.kinetic_energy + float(0.5 * error.dot(self.stiffness.dot(error)))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return y and q̇ᵀK_d q̇: friction is cancelled."""
+        return PassivePort(x.output, float(x.velocity.dot(self.damping.dot(x.velocity))))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q − q_f, p̄)."""

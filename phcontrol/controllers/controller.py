@@ -33,6 +33,15 @@ class Command(NamedTuple):
     """Rate of the controller's state, same shape as the state."""
 
 
+class PassivePort(NamedTuple):
+    """How a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★)."""
+
+    output: Array
+    """ŷ = Ḡᵀp̂, shape (n,) [rad/s]."""
+    dissipated_power: float
+    """∇H_dᵀR_d∇H_d ≥ 0 [W]."""
+
+
 class Shaping(NamedTuple):
     """What a law states; the matching formula makes the torque of it.
 
@@ -126,6 +135,28 @@ class Controller(ABC):
     @abstractmethod
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the promised closed loop at one state."""
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return ŷ and the power that the promised closed loop dissipates, ∇H_dᵀR_d∇H_d.
+
+        Here from target and storage function: H_d is quadratic in q̇, so that ŷ = GᵀM⁻¹∂H_d/∂q̇ comes out exactly from
+        central differences of any length. Laws give both in closed form, which is faster.
+        """
+        target = self.target(t, x, state, measured)
+        slope, at = np.empty(x.system.n), x.system.state_type
+        for joint, unit in enumerate(np.eye(x.system.n)):
+            ahead, behind = at(x.system, x.position, x.velocity + unit), at(x.system, x.position, x.velocity - unit)
+            slope[joint] = 0.5 * (self.storage(t, ahead, state, measured) - self.storage(t, behind, state, measured))
+        output = x.input_matrix.T.dot(x.solve_factor_transposed(x.solve_factor(slope)))
+        return PassivePort(output, float(target.gradient.dot(target.dissipation.dot(target.gradient))))
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the law's own state that makes H_d smallest at a state of the arm; the same if it has no such form.
+
+        Where limits hold the arm back, moving the law's state towards it takes energy out of H_d again: a state that
+        integrates forces does not wind up.
+        """
+        return state
 
     @property
     def state_parts(self) -> dict[str, int]:

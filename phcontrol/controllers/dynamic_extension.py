@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.controller import Controller, Shaping, Target
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -47,6 +47,8 @@ class DynamicExtension(Controller):
         self._negative_coupling = -self.coupling
         self._port = self.coupling @ self.force_gain  # Y
         self._storage_gain = np.linalg.inv(self.force_gain)  # K_z⁻¹, once
+        A = self.coupling
+        self._calming: Array = np.linalg.solve(A.T @ A + self._storage_gain, A.T)
 
     @abstractmethod
     def pull(self, x: MechanicalState) -> Array:
@@ -97,6 +99,17 @@ class DynamicExtension(Controller):
     def _adapted_momentum(self, x: MechanicalState, state: Array) -> Array:
         momentum: Array = x.transformed_momentum - self.coupling.dot(state)
         return momentum
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return ŷ and q̇ᵀD q̇ + ŷᵀC ŷ."""
+        velocity = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
+        return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄, where ½|p̄ − A z|² + ½zᵀK_z⁻¹z is smallest."""
+        calm: Array = self._calming.dot(x.transformed_momentum)
+        return calm
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (position coordinates, p̂, z)."""

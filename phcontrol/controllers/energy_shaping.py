@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -67,6 +67,11 @@ class EnergyShaping(Controller):
         """Return H_d = ½q̇ᵀM q̇ + ½q̃ᵀK_p q̃ [J]."""
         error = x.position_error(self.goal)
         return x.kinetic_energy + float(0.5 * error.dot(self.stiffness.dot(error)))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return y and q̇ᵀD q̇ + yᵀC y."""
+        output = x.output
+        return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q̃, p̄)."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, positive, vector
+from phcontrol._validation import Array, positive, sequence, vector
 from phcontrol.controllers.controller import Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.task_potentials import JointForce, PointForce, TaskPotential
@@ -80,7 +80,7 @@ class ForceControl(DynamicExtension):
         else:
             system.frame_id(frame)
             self.wish = PointForce(frame, force)
-        self.holding = tuple(holding)
+        self.holding = sequence("holding", holding, "potentials", "gradient", "energy")
         if not isinstance(feedforward, bool):
             raise InvalidArgumentError("feedforward", f"must be True or False, but is {feedforward!r}")
         self.feedforward = feedforward
@@ -115,7 +115,7 @@ class ForceControl(DynamicExtension):
 
     def potential(self, x: MechanicalState) -> float:
         """Return Ψ: of the wished force (with feedforward) and of what is held [J]."""
-        energy = sum(potential.energy(x) for potential in self.holding)
+        energy: float = sum(potential.energy(x) for potential in self.holding)
         return energy + self.wish.energy(x) if self.feedforward else energy
 
     def position_coordinates(self, x: MechanicalState) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, positive, vector
+from phcontrol._validation import Array, finite_array, positive, vector
 from phcontrol.exceptions import InvalidArgumentError
 
 OUTER_LOOP_CAVEAT = "the moving virtual position supplies energy; it is an outer loop"
@@ -27,8 +27,8 @@ class ForceRegulation:
     """
 
     def __init__(self, force: ArrayLike, *, gain: float = 0.3, rate_limit: float = 0.5) -> None:
-        force = np.atleast_1d(np.asarray(force, dtype=float))
-        self.force = vector("force", force, force.size)
+        wished = np.atleast_1d(finite_array("force", force))
+        self.force = vector("force", wished, wished.size)
         self.gain = positive("gain", gain)
         self.rate_limit = positive("rate_limit", rate_limit)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.controller import Target
+from phcontrol.controllers.controller import PassivePort, Target
 from phcontrol.controllers.servo_velocity import ServoVelocity
 from phcontrol.controllers.singular_damping import SingularDamping
 from phcontrol.controllers.visual_servo import OBJECT_LENGTH, View, VisualServo
@@ -108,7 +108,7 @@ class HamiltonianServo(VisualServo):
             raise InvalidArgumentError(
                 "rate", f"KΛ + ΛᵀK must be positive definite, but its smallest eigenvalue is {smallest:g}"
             )
-        self._convergence = np.linalg.solve(self.stiffness, self.rate.T).T  # Γ = ΛK⁻¹
+        self._convergence: Array = np.linalg.solve(self.stiffness, self.rate.T).T  # Γ = ΛK⁻¹
         if singular_region is None:
             singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
         self.singular_damping = SingularDamping(
@@ -200,6 +200,24 @@ class HamiltonianServo(VisualServo):
         error = features - self.goal
         return energy + float(0.5 * error @ self.stiffness @ error)
 
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return Gᵀv and p̂ᵀ(D̄ + C)p̂ + (Kτ̄)ᵀΔ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹ΓKτ̄."""
+        port, features = super().passive_port(t, x, state, measured), self.seen(measured)
+        if features is None:
+            return port
+        error, B = self.view(x, features)
+        pull = self.stiffness.dot(error)
+        return port._replace(dissipated_power=port.dissipated_power + float(pull @ self._last_block(B) @ pull))
+
+    def _last_block(self, image_jacobian: Array) -> Array:
+        """Return Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ, shape (3, 3)."""
+        square = image_jacobian @ image_jacobian.T
+        damped = self.singular_damping.at(square)
+        if damped is None:
+            return self._convergence
+        result: Array = square @ np.linalg.solve(square + damped[0] * self.singular_damping.weight, self._convergence)
+        return result
+
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (p̂, τ̄); p̄ when no object is seen."""
         momentum, features = self.adapted_momentum(x, measured), self.seen(measured)
@@ -212,10 +230,7 @@ class HamiltonianServo(VisualServo):
             return upper
         n = x.system.n
         error, B = self.view(x, features)
-        square = B @ B.T
-        damped, last = self.singular_damping.at(square), self._convergence
-        if damped is not None:  # Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ
-            last = square @ np.linalg.solve(square + damped[0] * self.singular_damping.weight, last)
+        last = self._last_block(B)
         coupling = x.solve_factor(B.T)  # T⁻¹Δ̄ᵀ
         zero = np.zeros((n, 3))
         return Target(

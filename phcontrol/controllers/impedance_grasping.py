@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -118,6 +118,24 @@ class ImpedanceGrasping(Controller):
         spring, rest_force, adapted = self._parts(x, state)
         momentum = adapted.dot(x.factor)
         return float(0.5 * (momentum.dot(momentum) + spring.dot(error - rest) + rest.dot(rest_force)))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return ŷ and |K_p e|² + |K_rl q_rl − K_p e|² + the losses by friction and damping."""
+        spring, rest_force, adapted = self._parts(x, state)
+        output, yielding = x.input_matrix.T.dot(adapted), rest_force - spring
+        power = spring.dot(spring) + yielding.dot(yielding) + output.dot(self.damping.dot(output))
+        if x.damping is not None:
+            power += adapted.dot(x.damping * adapted)
+        return PassivePort(output, float(power))
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the rest length where ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl is smallest."""
+        error, _ = self._split(x, state)
+        M, K = x.mass_matrix, self.stiffness
+        # with p̂ = Tᵀ(q̇ + K(d − r)): −K M(q̇ + K(d − r)) − K(d − r) + K_rl r = 0
+        left = K @ M @ K + K + self.rest_stiffness
+        right = K.dot(M.dot(x.velocity + K.dot(error)) + error)
+        return np.concatenate([np.linalg.solve(left, right), state[self.system.n :]])
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q − q_f, p̂, q_rl)."""

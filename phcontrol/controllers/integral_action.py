@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, finite_array, matrix
-from phcontrol.controllers.controller import Shaping, Target
+from phcontrol.controllers.controller import PassivePort, Shaping, Target
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -104,6 +104,22 @@ class IntegralAction(ForceFeedback):
         momentum, (force_state, integral) = self._adapted_momentum(x, state), self._split(state)
         quadratic = momentum.dot(momentum) + force_state.dot(self._storage_gain.dot(force_state))
         return float(0.5 * (quadratic + integral.dot(integral))) + self.potential(x)
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return ŷ and q̃ᵀK_pK_i q̃ + (q̇ + K_i q̃)ᵀD(q̇ + K_i q̃) + ŷᵀC ŷ."""
+        error = x.position_error(self.goal)
+        shifted = x.velocity + self.integral_gain.dot(error)
+        velocity = shifted - x.solve_factor_transposed(self.coupling.dot(self._split(state)[0]))
+        output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
+        power = self.stiffness.dot(error).dot(shifted - x.velocity) + output.dot(self.damping.dot(output))
+        if x.damping is not None:
+            power += shifted.dot(x.damping * shifted)
+        return PassivePort(output, float(power))
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the z that makes ½|p̃|² + ½zᵀK_z⁻¹z smallest, and ξ as it is: it holds the load."""
+        shifted = x.velocity + self.integral_gain.dot(x.position_error(self.goal))
+        return np.concatenate([self._calming.dot(shifted.dot(x.factor)), self._split(state)[1]])
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q̃, p̃, z, ξ)."""

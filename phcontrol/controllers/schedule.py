@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, number
-from phcontrol.controllers.controller import Command, Controller, Shaping, Target
+from phcontrol._validation import Array, number, sequence
+from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -38,10 +38,11 @@ class Schedule(Controller):
     forms = TrajectoryTracking.forms  # its laws may have any
 
     def __init__(self, steps: Sequence[tuple[float, Controller]]) -> None:
-        if not steps:
-            raise InvalidArgumentError("steps", "must hold at least one pair (start time, law)")
+        steps = sequence("steps", steps, "pairs (start time, law)", "__len__")
+        if not steps or not all(len(step) == 2 and isinstance(step[1], Controller) for step in steps):
+            raise InvalidArgumentError("steps", "must hold at least one pair (start time, law), and nothing else")
         self.starts = [number("start time", start) for start, _ in steps]
-        self.laws = [law for _, law in steps]
+        self.laws: list[Controller] = [law for _, law in steps]
         if self.starts[0] != 0.0 or any(a >= b for a, b in zip(self.starts, self.starts[1:], strict=False)):
             raise InvalidArgumentError("steps", f"start times must increase from 0, but are {self.starts}")
         if any(law.system is not self.laws[0].system for law in self.laws):
@@ -108,6 +109,18 @@ class Schedule(Controller):
         """Return the active law's storage function [J]."""
         law, part = self._part(t, state)
         return law.storage(t, x, part, measured)
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return the active law's port."""
+        law, part = self._part(t, state)
+        return law.passive_port(t, x, part, measured)
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return the active law's calmest state; the other parts are held."""
+        law, part = self._part(t, state)
+        calm: Array = state.copy()
+        calm[self._places[self._index(t)]] = law.calmest_state(t, x, part)
+        return calm
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return the active law's coordinates."""

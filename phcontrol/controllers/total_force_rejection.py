@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import Shaping, Target
+from phcontrol.controllers.controller import PassivePort, Shaping, Target
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -41,6 +41,10 @@ class TotalForceRejection(EnergyShaping):
         held = super().shape(t, x, state, measured).effort
         inertial = x.factor_rate.dot(x.transformed_momentum)
         return Shaping(held + inertial - self._measurement(measured, "total_force") - x.potential_gradient)
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return y and yᵀC y: friction is cancelled."""
+        return PassivePort(x.output, float(x.output.dot(self.damping.dot(x.output))))
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q̃, p̄); no port is left for f_e."""

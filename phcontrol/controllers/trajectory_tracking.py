@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, number
-from phcontrol.controllers.controller import EMPTY, Command, Controller, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import (
+    EMPTY,
+    Command,
+    Controller,
+    PassivePort,
+    Shaping,
+    Target,
+    inertia_scaled_gains,
+)
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import kernels
@@ -152,6 +160,15 @@ class TrajectoryTracking(Controller):
         """Return H_d = ½|p̂|² + ½q̃ᵀK_t q̃ [J]."""
         error, momentum = self._coordinates(x, self.trajectory.at(t))
         return float(0.5 * (momentum.dot(momentum) + error.dot(self.stiffness.dot(error))))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return Gᵀv and vᵀ(D + G C_d Gᵀ)v, v = q̇ − q̇_d."""
+        slip = x.velocity - self.trajectory.at(t).velocity
+        losses = slip.dot(self._joint_damping.dot(slip))
+        if x.damping is not None:
+            losses += slip.dot(x.damping * slip)
+        matrix = self.system.input_matrix
+        return PassivePort(slip if matrix is None else matrix.T.dot(slip), float(losses))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q̃, p̂)."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, gain, number, positive, vector
-from phcontrol.controllers.controller import Controller, Shaping, Target
+from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target
 from phcontrol.exceptions import InvalidArgumentError, ObjectLostError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -150,6 +150,17 @@ class VisualServo(Controller):
         """Return H_d = ½|p̂|², to which a law may add [J]."""
         momentum = self.adapted_momentum(x, measured)
         return float(0.5 * momentum.dot(momentum))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return Gᵀv and p̂ᵀ(D̄ + C)p̂, v = T⁻ᵀp̂ = q̇ + s."""
+        features = self.seen(measured)
+        motion = x.velocity if features is None else x.velocity + self.servo_velocity(x, features)
+        momentum = motion.dot(x.factor)
+        losses = momentum.dot(self.damping.dot(momentum))
+        if x.damping is not None:
+            losses += motion.dot(x.damping * motion)
+        matrix = self.system.input_matrix
+        return PassivePort(motion if matrix is None else matrix.T.dot(motion), float(losses))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return p̂, to which a law may add."""

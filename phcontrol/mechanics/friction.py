@@ -54,6 +54,12 @@ class StribeckFriction:
         if (self.stribeck_velocity <= 0.0).any():
             raise InvalidArgumentError("stribeck_velocity", "must be > 0")
         self._excess = self.static - self.coulomb
+        with np.errstate(over="ignore"):
+            steepest = self.static / math.sqrt(self.smoothing)
+        if not np.isfinite(steepest).all():
+            raise InvalidArgumentError(
+                "smoothing", f"{smoothing:g} is too small for a static friction of {self.static}"
+            )
         self._has_stribeck = bool(self._excess.any())
         self._is_viscous = not (self.coulomb.any() or self._has_stribeck)
         self._smoothing_velocity = math.sqrt(self.smoothing)

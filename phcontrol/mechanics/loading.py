@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, vector
+from phcontrol._validation import Array, number, per_joint, sequence
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
@@ -51,7 +51,10 @@ def load_robot(
             positive definite.
     """
     description = find(source)
-    description.package_directories += tuple(Path(directory) for directory in package_directories)
+    for directory in sequence("package_directories", package_directories, "paths"):
+        if not isinstance(directory, (str, os.PathLike)):
+            raise InvalidArgumentError("package_directories", f"must hold paths, but one is {directory!r}")
+        description.package_directories += (Path(directory),)
     robot = _build(description, locked_joints)
     if armature is None and "armature" in description.extras:
         rotors = description.extras["armature"]
@@ -193,7 +196,7 @@ def _locked_angles(
         raise InvalidArgumentError(
             "locked_joints", f"must be a list of joint names, but is the string '{locked_joints}'"
         )
-    check_joint_names(list(locked_joints), names, robot)
+    check_joint_names(list(sequence("locked_joints", locked_joints, "joint names")), names, robot)
     angles = dict(zip(names, home, strict=True))
     if isinstance(locked_joints, Mapping):
         locked = {name: number(f"locked_joints['{name}']", value) for name, value in locked_joints.items()}
@@ -258,8 +261,8 @@ def _assemble(
         home=home[index],
         lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
         upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
-        velocity_limit=_limit_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
-        effort_limit=_limit_or_infinite(np.asarray(model.upperEffortLimit)[index]),
+        velocity_limit=_limit_or_infinite("velocity", names, np.asarray(model.upperVelocityLimit)[index]),
+        effort_limit=_limit_or_infinite("effort", names, np.asarray(model.upperEffortLimit)[index]),
         continuous=turning,
         prismatic=tuple(joints[name].get("type") == "prismatic" for name in names),
         friction=friction,
@@ -272,6 +275,7 @@ def _assemble(
         package_directories=description.package_directories,
         locked_joints=locked,
     )
+    _check_limits(robot)
     for array in (robot.home, robot.lower, robot.upper, robot.velocity_limit, robot.effort_limit):
         array.flags.writeable = False
     return robot
@@ -288,8 +292,20 @@ def _springs(extras: dict[str, Any], names: list[str]) -> tuple[Potential, ...]:
     return (OnJoint(spring, names.index(joint)),) if joint in names else ()
 
 
-def _limit_or_infinite(values: Array) -> Array:
+def _check_limits(robot: Robot) -> None:
+    for joint, name in enumerate(robot.joint_names):
+        low, high = robot.lower[joint], robot.upper[joint]
+        if not low <= high:  # NaN too
+            raise RobotDescriptionError(
+                f"{robot.name}: joint '{name}' has the lower limit {low:g} and the upper limit {high:g}"
+            )
+
+
+def _limit_or_infinite(kind: str, names: list[str], values: Array) -> Array:
     """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
+    for name, value in zip(names, values, strict=True):
+        if not value >= 0.0:
+            raise RobotDescriptionError(f"joint '{name}' has the {kind} limit {value:g}; it must not be negative")
     return np.where(values > 0.0, values, np.inf)
 
 
@@ -322,7 +338,7 @@ def _with_armature(robot: Robot, armature: ArrayLike | Mapping[str, float]) -> R
         full = np.array(robot.model.armature)
         check_joint_names(list(armature), robot.joint_names, robot.name)
         armature = [armature.get(name, full[i]) for name, i in zip(robot.joint_names, index, strict=True)]
-    values = vector("armature", np.full(robot.n, armature) if np.ndim(armature) == 0 else armature, robot.n)
+    values = per_joint("armature", armature, robot.n)
     if (values < 0.0).any():
         raise InvalidArgumentError("armature", f"must be >= 0 [kg m²], but is {values.tolist()}")
     model = robot.model.copy()

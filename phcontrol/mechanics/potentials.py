@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from phcontrol._validation import Array, finite_array, positive
+from phcontrol._validation import Array, number, positive
 
 
 class Potential(Protocol):
@@ -49,7 +49,7 @@ class GripperSpring:
     ) -> None:
         self.closing_stiffness = positive("closing_stiffness", closing_stiffness)
         self.opening_stiffness = positive("opening_stiffness", opening_stiffness)
-        self.rest_angle = float(finite_array("rest_angle", rest_angle))
+        self.rest_angle = number("rest_angle", rest_angle)
         self.smoothing = positive("smoothing", smoothing)
         self._mean = 0.5 * (self.closing_stiffness + self.opening_stiffness)
         self._half_difference = 0.5 * (self.closing_stiffness - self.opening_stiffness)

@@ -95,7 +95,7 @@ class Robot:
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame (a link's name). Raises UnknownNameError, listing the frames."""
         for index, frame in enumerate(self.model.frames):
-            if frame.name == name:
+            if isinstance(name, str) and frame.name == name:
                 return index
         raise UnknownNameError("frame", name, self.frame_names, f" of {self.name}")
 
@@ -176,6 +176,10 @@ class Robot:
             mass_matrix = pin.crba(model, data, self.full_position(position))
             if self.coupling is not None:
                 mass_matrix = self.coupling.matrix.T @ mass_matrix @ self.coupling.matrix
+            if not np.isfinite(mass_matrix).all():
+                raise RobotDescriptionError(
+                    f"{self.name}: the mass matrix is not finite: masses or lengths are too large"
+                )
             values, directions = np.linalg.eigh(mass_matrix)
             if not values[0] > 1e-12 * max(values[-1], 1e-6):
                 joint = self.joint_names[int(np.argmax(np.abs(directions[:, 0])))]
@@ -195,5 +199,5 @@ def wrapped(angle: Array) -> Array:
 def check_joint_names(names: Sequence[str], known: Sequence[str], robot: str) -> None:
     """Raise UnknownNameError for the first of ``names`` that is not a joint of the robot."""
     for name in names:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise UnknownNameError("joint", name, known, f" of {robot}")

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from phcontrol._validation import Array, matrix, vector
+from phcontrol._validation import Array, matrix, sequence, vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.coupled_state import CoupledMechanicalState
 from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
@@ -54,10 +54,13 @@ class MechanicalSystem:
         self.n = robot.n
         if isinstance(friction, str) and friction != "robot":
             raise InvalidArgumentError("friction", f"must be a friction model, None or 'robot', but is '{friction}'")
-        self.friction: Friction | None = robot.friction if friction == "robot" else friction
+        self.friction: Friction | None = robot.friction if isinstance(friction, str) else friction
+        if not (self.friction is None or hasattr(self.friction, "coefficients")):
+            raise InvalidArgumentError("friction", f"must be a friction model, None or 'robot', but is {friction!r}")
         if isinstance(self.friction, StribeckFriction):
             check_size(self.friction, self.n)
-        self.potentials: tuple[Potential, ...] = (*robot.potentials, *potentials)
+        own = sequence("potentials", potentials, "potentials", "gradient", "energy")
+        self.potentials: tuple[Potential, ...] = (*robot.potentials, *own)
         self.input_matrix: Array | None = None
         if input_matrix is not None:
             self.input_matrix = matrix("input_matrix", input_matrix, self.n)
@@ -108,7 +111,7 @@ class MechanicalSystem:
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame. Raises UnknownNameError, listing the frames."""
-        index = self._frame_ids.get(name)
+        index = self._frame_ids.get(name) if isinstance(name, str) else None
         if index is None:
             index = self._frame_ids[name] = self.robot.frame_id(name)
         return index

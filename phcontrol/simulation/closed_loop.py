@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from phcontrol._validation import Array, choice, finite_array, positive, vector, whole_multiple
+from phcontrol._validation import Array, choice, per_joint, positive, sequence, vector, whole_multiple
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
@@ -26,10 +26,12 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.sampled_control import check_filter
 from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
 
@@ -47,6 +49,7 @@ def simulate(
     integrator: str = "rk4",
     control_period: float | None = None,
     torque_limit: Literal["robot"] | ArrayLike | None = "robot",
+    torque_filter: TorqueFilter | None = None,
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
     scene: Scene | None = None,
@@ -70,6 +73,8 @@ def simulate(
             advances by one Euler step a period. A whole multiple of dt.
         torque_limit: "robot" clips each torque to the joint's effort limit as the motors would; an
             array gives other limits [N·m]; None clips nothing. ``Log.saturated`` says where it acted.
+        torque_filter: keeps the arm inside its limits, see :class:`TorqueFilter`; control is then sampled at the
+            filter's period. ``Log.filter_activity`` says what it did.
         sensors: what shows the controller the forces, each updated at the start of a step (or at its own period)
             and held until the next. By default every needed measurement is the truth, at every instant.
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
@@ -84,6 +89,11 @@ def simulate(
         SimulationInterrupted: the run was stopped from the keyboard; carries the log so far.
     """
     dt, duration = positive("dt", dt), positive("duration", duration)
+    bodies = sequence("bodies", bodies, "bodies")
+    if sensors is not None:
+        sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
+    if scene is not None and not hasattr(scene, "state_size"):
+        raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
     if controller.system.n != system.n:
         raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
@@ -92,19 +102,24 @@ def simulate(
     state = controller.initial_state(controller.system.at(position, velocity))
     if controller_state0 is not None:
         state = vector("controller_state0", controller_state0, state.size)
+    if torque_filter is not None:
+        check_filter(torque_filter, controller, control_period)
+        control_period = torque_filter.period
+        torque_filter.reset()
     loop = ClosedLoop(
         system,
         controller,
         _disturbance(disturbance, system.n),
-        _torque_limit(torque_limit, system),
+        torque_limit_of(torque_limit, system),
         control_period,
         bodies,
+        torque_filter,
         scene,
     )
     _check_scene(controller, scene, sensors)
     body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
     scene_state = np.zeros(0) if scene is None else scene.initial_state()
-    instruments = Instruments(sensors or (), dt) if sensors is not None else None
+    instruments = None if sensors is None else Instruments(sensors, dt)
     stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
     steps = max(1, math.ceil(duration / dt - 1e-9))
     log = Log.empty(
@@ -144,6 +159,8 @@ def simulate(
                     y = loop.sample(t, y)
                 rate = loop.rate(t, y)
                 log.record(k, t, y, loop.torque, loop.external_force, loop.features)
+                if torque_filter is not None:
+                    log.record_filter(k, loop)
                 if watch is not None:
                     watch(log)
                 if instruments is not None:
@@ -173,14 +190,15 @@ def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:
     return vector("disturbance", value, n)
 
 
-def _torque_limit(value: Any, system: MechanicalSystem) -> Array | None:
+def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
+    """Return the torque limits that an argument asks for [N·m]; None for none."""
     if value is None:
         return None
     if isinstance(value, str):
         choice("torque limit", value, ["robot"])
         limit = np.asarray(system.robot.effort_limit)
     else:
-        limit = np.broadcast_to(finite_array("torque_limit", value), (system.n,))
+        limit = per_joint("torque_limit", value, system.n)
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit

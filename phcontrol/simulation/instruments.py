@@ -23,7 +23,7 @@ class Instruments:
         if len(set(quantities)) != len(quantities):
             raise InvalidArgumentError("sensors", f"must not have two for the same quantity, but has {quantities}")
         self._strides = [
-            1 if sensor.period is None else whole_multiple("period", sensor.period, dt) for sensor in sensors
+            1 if sensor.period is None else whole_multiple("period", sensor.period, dt) for sensor in self.sensors
         ]
         self._states: list[Any] = []
         self._torques: list[Array] = []

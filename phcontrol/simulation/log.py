@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 FORMAT = "phcontrol-log-1"
 _RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
-_MEASURED = "measured_"
+_MEASURED, _FILTER = "measured_", "filter_"
 _FEATURES = 3
 _DERIVED = (
     "kinetic_energy",
@@ -122,6 +121,9 @@ class Log:
         }
         if loop.scene is not None:
             data["features"] = np.zeros((samples, _FEATURES))
+        if loop.sampled is not None and loop.sampled.filter is not None:
+            data[f"{_FILTER}wished_torque"] = np.zeros((samples, n))
+            data |= {f"{_FILTER}{name}": np.zeros(samples) for name in ("status", "motion_excess", "storage_excess")}
         log = cls(data, metadata, loop)
         log._length, log._states = 0, states
         return log
@@ -144,6 +146,16 @@ class Log:
         for quantity, value in measured._asdict().items():
             if value is not None:
                 self._data[f"{_MEASURED}{quantity}"][k] = value
+
+    def record_filter(self, k: int, loop: ClosedLoop) -> None:
+        """Write what the torque filter did in the period of sample k."""
+        sampled, data = loop.sampled, self._data
+        assert sampled is not None
+        assert sampled.filtered is not None
+        data[f"{_FILTER}wished_torque"][k] = sampled.wished
+        data[f"{_FILTER}status"][k] = sampled.filtered.status
+        data[f"{_FILTER}motion_excess"][k] = sampled.filtered.motion_excess
+        data[f"{_FILTER}storage_excess"][k] = sampled.filtered.storage_excess
 
     def truncated(self) -> Log:
         """Return the part that was recorded."""
@@ -204,6 +216,16 @@ class Log:
     def measured(self) -> dict[str, Array]:
         """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
         return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
+
+    @property
+    def filter_activity(self) -> dict[str, Array]:
+        """What the torque filter did, by name; empty without one.
+
+        "wished_torque" (N, n): what the law wished [N·m]; "status" (N,): a ``FilterStatus`` each;
+        "motion_excess" (N,): predicted velocity beyond its bounds [rad/s]; "storage_excess" (N,): power given to H_d
+        beyond what the law was dissipating [W].
+        """
+        return {name[len(_FILTER) :]: array for name, array in self._data.items() if name.startswith(_FILTER)}
 
     def true_measurement(self, k: int) -> Measured:
         """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
@@ -388,7 +410,8 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
-        kept = [name for name in self._data if name in (*_RECORDED, "features") or name.startswith(_MEASURED)]
+        prefixes = (_MEASURED, _FILTER)
+        kept = [name for name in self._data if name in (*_RECORDED, "features") or name.startswith(prefixes)]
         data = {name: self._data[name] for name in kept} | self._derived
         limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
         metadata = self.metadata | {"format": FORMAT}
@@ -402,15 +425,15 @@ class Log:
         """Read a log that ``save`` wrote. Raises DataFileError; nothing in the file is executed."""
         try:
             with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-                data = {name: file[name] for name in file.files}
+                data = {name: np.asarray(file[name]) for name in file.files}
             metadata = json.loads(data.pop("metadata").tobytes().decode())
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        except Exception as error:  # damaged archives raise a dozen kinds
             raise DataFileError(f"cannot read {path} as a log: {error}") from error
         if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
             raise DataFileError(f"cannot read {path}: not a log of format {FORMAT}")
-        missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
-        if missing or len({len(array) for array in data.values()}) != 1:
-            raise DataFileError(f"cannot read {path}: incomplete log (missing {missing or 'rows'})")
+        problem = _problem(data, metadata)
+        if problem:
+            raise DataFileError(f"cannot read {path}: {problem}")
         return cls(data, metadata)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -428,3 +451,32 @@ class Log:
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
         columns |= {name: self._derived[name] for name in _DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+
+
+def _problem(data: dict[str, Array], metadata: dict[str, Any]) -> str:
+    """Return what is wrong with the content of a log file; empty when nothing is."""
+    missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
+    if missing:
+        return f"incomplete log (missing {missing})"
+    names = metadata.get("joint_names")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return "the names of the joints are missing"
+    if not all(isinstance(metadata.get(key), str) for key in ("robot", "controller")):
+        return "the name of the robot or the controller is missing"
+    samples, n = data["time"].size, len(names)
+    for name, array in data.items():
+        if array.dtype != np.float64:
+            return f"{name} holds {array.dtype}, not float64"
+        if name in ("controller_state", "body_state"):
+            expected = (samples, *array.shape[1:2])
+        elif name in ("time", *_DERIVED) or (name.startswith(_FILTER) and not name.endswith("torque")):
+            expected = (samples,)
+        elif name.endswith("features"):
+            expected = (samples, _FEATURES)
+        else:
+            expected = (samples, n)
+        if array.shape != expected or (name.endswith("_state") and array.ndim != 2):
+            return f"{name} has shape {array.shape}, not {expected}"
+    limit = metadata.get("torque_limit", [1.0] * n)
+    numbers = isinstance(limit, list) and all(type(value) in (int, float) for value in limit)
+    return "" if numbers and len(limit) == n else "the torque limits are no list of a number for each joint"

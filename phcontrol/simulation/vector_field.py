@@ -13,7 +13,9 @@ from phcontrol.environments.body import Body
 from phcontrol.environments.disturbances import wrenches_of
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.measured import Measured
+from phcontrol.simulation.sampled_control import SampledControl
 from phcontrol.vision.scene import Scene
 
 ExternalForce = Callable[[float, MechanicalState], Array]
@@ -34,6 +36,7 @@ class ClosedLoop:
         torque_limit: Array | None,
         control_period: float | None,
         bodies: Sequence[Body] = (),
+        torque_filter: TorqueFilter | None = None,
         scene: Scene | None = None,
     ) -> None:
         self.plant, self.controller, self.model = plant, controller, controller.system
@@ -65,9 +68,11 @@ class ClosedLoop:
         self.measured: Measured | None = None
         """What sensors show; None when the controller is shown the truth."""
         self._truth = Measured(self.external_force)
-        self._needs = tuple(controller.needs)
-        self._needs_total_force = "total_force" in self._needs
-        self._held_rate: Array | None = None
+        self._needs_total_force = "total_force" in controller.needs
+        self.sampled = (
+            None if control_period is None else SampledControl(controller, control_period, torque_limit, torque_filter)
+        )
+        """The controller's period; None for a continuous controller."""
 
     def rate(self, t: float, y: Array) -> Array:
         """Return ẏ; leaves the applied torque and f_e in ``torque`` and ``external_force``."""
@@ -99,11 +104,15 @@ class ClosedLoop:
 
     def sample(self, t: float, y: Array) -> Array:
         """Compute the torque to be held from now on, and advance the controller's state by one period."""
-        assert self.control_period is not None
-        if self._held_rate is not None and self._held_rate.size:
+        assert self.sampled is not None
+        states = slice(self._end, self._bodies_start)
+        state = self.sampled.advance(y[states])
+        if state.size:
             y = y.copy()
-            y[self._end : self._bodies_start] += self.control_period * self._held_rate
-        self._held_rate = self._control(t, self._plant_state(self.plant, y[: self.n], y[self.n : self._end]), y)
+            y[states] = state
+        x = self.plant_state(t, y)
+        view, measured = self._shown(x)
+        self.torque = self.sampled.step(t, view, state, measured)
         return y
 
     def plant_state(self, t: float, y: Array) -> MechanicalState:
@@ -128,18 +137,23 @@ class ClosedLoop:
     def _control(self, t: float, x: MechanicalState, y: Array) -> Array:
         if self._varies:
             self._disturb(t, x, y)
-        view = x if self._same_model else self.model_state(x.position, x.velocity)
-        measured = self.measured
-        if measured is None:
-            measured = self._truth
-            if self._needs_total_force:
-                measured = measured._replace(total_force=x.total_force(self.external_force))
+        view, measured = self._shown(x)
         torque, state_rate = self.controller.evaluate(t, view, y[self._end : self._bodies_start], measured)
         limit = self.torque_limit
         if limit is not None:
             torque = np.maximum(np.minimum(torque, limit), -limit)
         self.torque = torque
         return state_rate
+
+    def _shown(self, x: MechanicalState) -> tuple[MechanicalState, Measured]:
+        """Return the state as the controller's model sees it, and what it is shown beside."""
+        view = x if self._same_model else self.model_state(x.position, x.velocity)
+        measured = self.measured
+        if measured is None:
+            measured = self._truth
+            if self._needs_total_force:
+                measured = measured._replace(total_force=x.total_force(self.external_force))
+        return view, measured
 
     def _disturb(self, t: float, x: MechanicalState, y: Array) -> None:
         """Bring f_e, and the rates of the bodies' states, up to date."""

@@ -1,0 +1,123 @@
+"""Every law on two arms, driven at its limits and into a wall, without and with the torque filter.
+
+    python examples/limits.py [--duration SECONDS] [--law NAME] [--arm NAME]
+
+Prints, for each run, by how much position, velocity and torque limits were exceeded, and by how much the storage
+function grew beyond what the environment supplied.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+from phcontrol import (
+    JointContact,
+    Limits,
+    Log,
+    MechanicalSystem,
+    RigidBody,
+    TorqueFilter,
+    load_robot,
+    make_controller,
+    simulate,
+)
+from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.safety.torque_filter import FilterStatus
+
+PERIOD = 1e-3  # [s]
+LAWS = [name for name in CONTROLLERS if "servo" not in name]  # those that need no camera
+ARMS = {"pera": (), "panda": ("panda_finger_joint1", "panda_finger_joint2")}  # and what is locked
+MARGIN = 0.01  # how far inside its position limits the filter keeps the arm [rad]
+
+
+@dataclass(frozen=True)
+class Violations:
+    """What a run did to the limits; 0 is best."""
+
+    position: float
+    """Largest way beyond a position limit [rad]."""
+    velocity: float
+    """Largest speed beyond a velocity limit [rad/s]."""
+    torque: float
+    """Largest torque beyond an effort limit [N·m]."""
+    growth: float
+    """Largest growth of H_d beyond what was supplied, over its largest value."""
+    allowed: float
+    """How much growth the filter reported: ∫ storage_excess dt, over the same value."""
+    fallbacks: int
+    """How often the solver's answer was not used."""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.position:>10.4f}{self.velocity:>10.4f}{self.torque:>10.2f}"
+            f"{self.growth:>11.1e}{self.allowed:>11.1e}{self.fallbacks:>5}"
+        )
+
+
+def run(law: str, arm: str, wall: bool, filtered: bool, duration: float = 1.0) -> Log:
+    """Drive an arm beyond its limits: to a goal outside them, with stiff gains; or fast into a wall."""
+    system = MechanicalSystem(load_robot(arm, locked_joints=ARMS[arm]))
+    robot = system.robot
+    start = robot.lower + 0.5 * (robot.upper - robot.lower)
+    goal = robot.upper + 0.1
+    if wall:
+        goal = robot.lower + 0.75 * (robot.upper - robot.lower)
+    options = {"force": 0.5 * robot.effort_limit} if law == "force_control" else {}
+    controller = make_controller(law, system, goal, **options)
+    joint = int(np.argmax(goal - start))
+    bodies = [
+        RigidBody(JointContact(robot.joint_names[joint], start[joint] + 0.15, "above"), stiffness=3e3, damping=5.0)
+    ]
+    limits = Limits(system, position_margin=MARGIN, velocity_margin=0.1)
+    return simulate(
+        system,
+        controller,
+        duration=duration,
+        dt=PERIOD,
+        q0=start,
+        control_period=PERIOD,
+        torque_limit=None,
+        torque_filter=TorqueFilter(system, period=PERIOD, limits=limits) if filtered else None,
+        bodies=bodies if wall else (),
+    )
+
+
+def violations(log: Log, arm: str) -> Violations:
+    """Return what a run did to the limits of its arm."""
+    robot = load_robot(arm, locked_joints=ARMS[arm])
+    beyond = np.maximum(log.position - robot.upper, robot.lower - log.position).max()
+    supplied = np.concatenate([[0.0], np.cumsum(0.5 * (log.supplied_power[1:] + log.supplied_power[:-1]) * PERIOD)])
+    own = log.storage - supplied
+    growth = (own - np.minimum.accumulate(own)).max() / np.abs(log.storage).max()
+    activity = log.filter_activity
+    return Violations(
+        position=max(0.0, float(beyond)),
+        velocity=max(0.0, float((np.abs(log.velocity) - robot.velocity_limit).max())),
+        torque=max(0.0, float((np.abs(log.torque) - robot.effort_limit).max())),
+        growth=float(growth),
+        allowed=float(activity["storage_excess"].sum() * PERIOD / np.abs(log.storage).max()) if activity else 0.0,
+        fallbacks=int((activity["status"] == FilterStatus.FALLBACK).sum()) if activity else 0,
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--duration", type=float, default=1.0, help="[s]")
+    parser.add_argument("--law", choices=LAWS)
+    parser.add_argument("--arm", choices=list(ARMS))
+    options = parser.parse_args()
+    print(f"{'':<52}{'position':>10}{'velocity':>10}{'torque':>10}{'H_d grew':>11}{'told of':>11}{'fell':>5}")
+    for arm in [options.arm] if options.arm else ARMS:
+        for law in [options.law] if options.law else LAWS:
+            for wall in (False, True):
+                for filtered in (False, True):
+                    label = f"{arm} {law} {'wall' if wall else 'goal'} {'with' if filtered else 'without'}"
+                    print(f"{label:<52}{violations(run(law, arm, wall, filtered, options.duration), arm)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What keeps a torque inside the limits of an arm."""

@@ -1,0 +1,166 @@
+"""The quadratic programs of the torque filter, on ProxQP, with answers that are checked."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from proxsuite import proxqp
+
+from phcontrol._validation import Array
+
+ACCURACY = 1e-10
+"""What is asked of the solver, in scaled units."""
+ACCEPTED = 1e-10
+"""The largest residual of an answer that is believed, in scaled units (relative to a large gradient)."""
+
+_MOST_ITERATIONS = 60
+_MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
+_LARGE_GRADIENT = 20.0  # from which the objective is scaled
+_MOST_CORRECTIONS = 6
+_WARM = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+_COLD = proxqp.InitialGuess.NO_INITIAL_GUESS
+
+
+def _length(values: Array) -> float:
+    """Return the Euclidean norm; NaN when there is one inside."""
+    return math.sqrt(values.dot(values))
+
+
+class Problem(NamedTuple):
+    """min ½zᵀH z + gᵀz subject to l ≤ C z ≤ u and a ≤ z ≤ b; rows of length one, everything of order one."""
+
+    hessian: Array | None
+    """H, shape (n, n); None for the identity."""
+    gradient: Array
+    """g, shape (n,)."""
+    rows: Array
+    """C, shape (m, n)."""
+    lower: Array
+    """l, shape (m,)."""
+    upper: Array
+    """u, shape (m,)."""
+    lowest: Array
+    """a, shape (n,)."""
+    highest: Array
+    """b, shape (n,)."""
+
+    def without_last_row(self, gradient: Array) -> Problem:
+        """Return the problem with one row less and another gradient."""
+        return self._replace(gradient=gradient, rows=self.rows[:-1], lower=self.lower[:-1], upper=self.upper[:-1])
+
+    def residuals(self, z: Array, multipliers: Array) -> tuple[float, float]:
+        """Return by how much z and the rows' multipliers λ miss the two conditions of optimality.
+
+        They are z = clip(z − (H z + g + Cᵀλ), a, b) and C z = clip(C z + λ, l, u): true at the optimum and only there.
+        """
+        downhill = multipliers.dot(self.rows)
+        downhill += self.gradient
+        if self.hessian is None:
+            np.negative(downhill, out=downhill)
+        else:
+            downhill += self.hessian.dot(z)
+            np.subtract(z, downhill, out=downhill)
+        np.maximum(downhill, self.lowest, out=downhill)
+        np.minimum(downhill, self.highest, out=downhill)
+        downhill -= z
+        values = self.rows.dot(z)
+        kept = values + multipliers
+        np.maximum(kept, self.lower, out=kept)
+        np.minimum(kept, self.upper, out=kept)
+        kept -= values
+        return _length(downhill), _length(kept)
+
+    def accepts(self, z: Array, multipliers: Array) -> bool:
+        """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
+        stationary, complementary = self.residuals(z, multipliers)
+        if not complementary <= ACCEPTED:
+            return False
+        return stationary <= ACCEPTED or stationary <= 0.1 * ACCEPTED * _length(self.gradient)
+
+
+class QuadraticProgram:
+    """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
+
+    An answer counts only if the residuals of the optimality conditions, computed here, are below ``ACCEPTED``.
+    Where ProxQP's is not that exact, the equations of the constraints that it found active are solved directly, the
+    active constraints are corrected by that solution, and so on (a primal-dual active-set method); the result is
+    checked likewise. Three traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it gives
+    up problems that have solutions; a large gradient beside bounds of order one spoils it, so that the objective
+    is scaled here; and multipliers left by a problem without a solution spoil the next warm start.
+    """
+
+    def __init__(self, n: int, m: int) -> None:
+        self._n, self._m = n, m
+        self._identity = np.eye(n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last answer."""
+        n, m = self._n, self._m
+        solver = proxqp.dense.QP(n, 0, m, True, proxqp.dense.HessianType.Dense)
+        settings = solver.settings
+        settings.eps_abs, settings.eps_rel, settings.max_iter = ACCURACY, 0.0, _MOST_ITERATIONS
+        settings.eps_primal_inf = settings.eps_dual_inf = 0.0
+        settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, ACCURACY, 0.0
+        settings.compute_timings = settings.verbose = False
+        one, bound, rows = np.ones(n), np.ones(m), np.eye(m, n)
+        solver.init(np.eye(n), np.zeros(n), None, None, rows, -bound, bound, -one, one, compute_preconditioner=False)
+        solver.solve()  # an update before the first solve would crash a warm start
+        self._solver: Any = solver
+        self._warm = self._starts_warm = self._scaled_last = False
+        settings.initial_guess = _COLD
+
+    def solve(self, problem: Problem, *, warm: bool = True) -> Array | None:
+        """Return the optimum, exactly inside the box, or None when no answer passes the check."""
+        solver = self._solver
+        if self._starts_warm != (warm and self._warm):
+            self._starts_warm = warm and self._warm
+            solver.settings.initial_guess = _WARM if self._starts_warm else _COLD
+        size = _length(problem.gradient)
+        size = 1.0 if size <= _LARGE_GRADIENT else size
+        H, gradient = problem.hessian, problem.gradient
+        if size != 1.0:
+            H, gradient = (self._identity if H is None else H) / size, gradient / size
+        elif H is None and self._scaled_last:
+            H = self._identity
+        self._scaled_last = H is not None and H is not self._identity
+        solver.update(H, gradient, None, None, *problem[2:])
+        solver.solve()
+        results = solver.results
+        x, multipliers = results.x, results.z
+        self.multipliers = multipliers
+        if size != 1.0:
+            self.multipliers = multipliers = size * multipliers
+        z: Array = np.minimum(np.maximum(x, problem.lowest), problem.highest)
+        accepted = problem.accepts(z, multipliers[: self._m])
+        self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
+        if accepted:
+            return z
+        if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
+            self.reset()
+            return None
+        return corrected(problem, x, multipliers)
+
+
+def corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
+    """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
+    n, m = x.size, problem.lower.size
+    identity = np.eye(n)
+    H = identity if problem.hessian is None else problem.hessian
+    rows = np.vstack([problem.rows, identity])
+    lower, upper = np.append(problem.lower, problem.lowest), np.append(problem.upper, problem.highest)
+    for _ in range(_MOST_CORRECTIONS):
+        wanted = rows.dot(x) + multipliers
+        above, below = wanted > upper, wanted < lower
+        active = np.flatnonzero(above | below)
+        A, b = rows[active], np.where(above, upper, lower)[active]
+        equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
+        solution = np.linalg.lstsq(equations, np.append(-problem.gradient, b), rcond=1e-13)[0]
+        x, multipliers = solution[:n], np.zeros(m + n)
+        multipliers[active] = solution[n:]
+        z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
+        if problem.accepts(z, multipliers[:m]):
+            return z
+    return None

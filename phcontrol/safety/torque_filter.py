@@ -1,0 +1,405 @@
+"""The torque that is nearest to a law's and keeps the arm inside its limits."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array, gain, positive
+from phcontrol.controllers.controller import PassivePort
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety.limits import Limits
+from phcontrol.safety.quadratic_program import Problem, QuadraticProgram, corrected
+
+_FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is taken as that
+_NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
+_UNBOUNDED = 1e20  # what ProxQP takes for no bound
+_INSISTENCE = 1e4  # weight of the storage condition against distance, once it cannot be met
+_SEARCH_STEPS = 40  # for the right weight, where the solver fails otherwise
+_DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
+_ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
+_NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
+
+
+class FilterStatus(IntEnum):
+    """How a torque was found."""
+
+    PASSED = 0
+    """The law's torque, unchanged."""
+    CLIPPED = 1
+    """Its projection on effort and rate limits, in closed form; nothing else was in the way."""
+    SOLVED = 2
+    """The quadratic program's answer: every condition is met."""
+    FEASIBLE = 3
+    """Every condition is met, but the solver failed and a nearer torque may exist: the best of a search."""
+    STORAGE_GIVEN_UP = 4
+    """The quadratic program's answer where the storage condition cannot be met with the limits."""
+    FALLBACK = 5
+    """The solver gave no answer that passed the check: braking torque, clipped."""
+
+
+class FilteredTorque(NamedTuple):
+    """A torque that may leave, and what it cost."""
+
+    torque: Array
+    """u, shape (n,) [N·m], exactly inside effort and rate limits."""
+    status: FilterStatus
+    motion_excess: float
+    """By how much the predicted next velocity leaves its bounds, ≥ 0 [rad/s]: 0 wherever the motors can do it."""
+    storage_excess: float
+    """max(0, ŷᵀ(u − u★) − dissipated power) [W]."""
+
+
+class _Motion(NamedTuple):
+    """How the arm moves in one period."""
+
+    inertia: Array
+    """M + hD."""
+    factor: Array
+    """Its Cholesky factor."""
+    force: Array
+    """f_e − C q̇ − D q̇ − ∂V/∂q [N·m]: what moves the arm beside the motors."""
+
+
+class TorqueFilter:
+    """The torque nearest to the law's u★ with which the arm keeps its limits and the storage function falls.
+
+        min ½(u − u★)ᵀW(u − u★)   subject to, in this order of priority,
+
+        1. |u| ≤ effort                                always, exactly
+        2. |u − u_previous| ≤ h · torque rate          always, exactly
+        3. v_min ≤ v⁺ ≤ v_max                          as far as the braking torque can keep it
+        4. ŷᵀ(u − u★) ≤ ∇H_dᵀR_d∇H_d                  unless 1 to 3 forbid it
+
+    v⁺ = q̇ + h(M + hD)⁻¹(G u + f_e − C q̇ − D q̇ − ∂V/∂q) is the velocity after one period h, and its bounds are those of
+    :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position limits.
+    Along the loop Ḣ_d = −∇H_dᵀR_d∇H_d + ŷᵀ(u − u★) + (power of f_e), so by 4 the storage function still does not grow
+    by itself.
+
+    Where 3 cannot be kept with 1 and 2, its bounds are widened to what the braking torque reaches: the torque that
+    brings q̇ into the bounds (or damps it) as far as the motors can. So 1 to 3 always have a solution. Where 4 cannot be
+    kept, the answer weighs ŷᵀu with 10⁴ against the scaled distance, which brings it to the smallest excess there is.
+
+    Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise ProxQP solves the scaled problem,
+    started from its last answer; the residual of the optimality conditions is checked, and an answer that does
+    not pass is replaced by the braking torque and reported.
+
+    Args:
+        system: the model of the arm.
+        period: h [s].
+        limits: by default those of the robot's description.
+        metric: W: "effort" for the torques relative to their limits, "inertia" for M⁻¹ (nearest acceleration),
+            or a positive-definite matrix.
+        storage: False to leave out the storage condition.
+    """
+
+    def __init__(
+        self,
+        system: MechanicalSystem,
+        *,
+        period: float,
+        limits: Limits | None = None,
+        metric: Literal["effort", "inertia"] | ArrayLike = "effort",
+        storage: bool = True,
+    ) -> None:
+        if not isinstance(system, MechanicalSystem):
+            raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+        self.system = system
+        self.period = positive("period", period)
+        self.limits = Limits(system) if limits is None else limits
+        if not isinstance(self.limits, Limits) or self.limits.effort.size != system.n:
+            raise InvalidArgumentError("limits", f"must be Limits made for this system of {system.n} joints")
+        if not isinstance(storage, bool):
+            raise InvalidArgumentError("storage", f"must be True or False, but is {storage!r}")
+        self.storage = storage
+        n = system.n
+        effort = self.limits.effort
+        bounded = np.isfinite(effort)
+        self._scale: Array = np.where(bounded, effort, _NO_EFFORT_LIMIT)
+        self._highest: Array = np.where(bounded, 1.0, _UNBOUNDED)
+        self._zero = np.zeros(system.n)
+        self._has_infinite_bounds = not (bounded.all() and np.isfinite(self.limits.velocity).all())
+        self._braking_step = self.period * self.limits.braking_acceleration
+        self._rate_bound = self.period * self.limits.torque_rate
+        self._has_rate = bool(np.isfinite(self._rate_bound).any())
+        self._inertial = isinstance(metric, str) and metric == "inertia"
+        self._metric: Array | None = None
+        if isinstance(metric, str):
+            if metric not in ("effort", "inertia"):
+                raise InvalidArgumentError("metric", f"must be 'effort', 'inertia' or a matrix, but is '{metric}'")
+        else:
+            self._metric = np.array(gain("metric", metric, n))
+        self._inverse_input = None if system.input_matrix is None else np.linalg.inv(system.input_matrix)
+        self._program, self._insisting = QuadraticProgram(n, n + 1), QuadraticProgram(n, n)
+        self._rows = np.zeros((n + 1, n))
+        self._row_lower, self._row_upper = np.zeros(n + 1), np.zeros(n + 1)
+        self._identity = np.eye(n)
+        self._is_separable = self._metric is None and not self._inertial
+        self.reset()
+
+    def __repr__(self) -> str:
+        return f"<TorqueFilter for {self.system.robot.name}, every {self.period:g} s>"
+
+    def reset(self) -> None:
+        """Forget the solver's last answer and set the counts to zero."""
+        self.counts: dict[FilterStatus, int] = dict.fromkeys(FilterStatus, 0)
+        """How often each status occurred."""
+        self._program.reset()
+        self._insisting.reset()
+
+    def filter(
+        self,
+        x: MechanicalState,
+        torque: Array,
+        *,
+        previous: Array | None = None,
+        external_force: Array | None = None,
+        port: PassivePort | None = None,
+    ) -> FilteredTorque:
+        """Return the torque to apply during the next period.
+
+        Args:
+            x: the state now.
+            torque: u★, what the law wishes [N·m], finite.
+            previous: the torque applied until now [N·m], for the rate limit; None for a start without one.
+            external_force: f_e [N·m] as far as it is known, for the prediction.
+            port: ŷ and the dissipated power of the law (``Controller.passive_port``); None leaves condition 4 out.
+        """
+        low, high = self._box(previous)
+        clipped = np.minimum(np.maximum(torque, low), high)
+        unchanged = bool(np.logical_and.reduce(clipped == torque))
+        motion = self._motion(x, external_force)
+        bounds = self.limits.velocity_bounds(x.position, x.velocity, self.period)
+        velocity = self._next_velocity(x, motion, clipped)
+        if (unchanged or self._is_separable) and _excess(velocity, *bounds) == 0.0:
+            excess = 0.0 if unchanged else self._storage_excess(clipped - torque, port)
+            if excess == 0.0:
+                status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
+                self.counts[status] += 1
+                return FilteredTorque(clipped, status, 0.0, 0.0)
+        return self._solve(x, torque, (low, high), motion, bounds, port, clipped, velocity)
+
+    def _box(self, previous: Array | None) -> tuple[Array, Array]:
+        """Return the lowest and the highest torque by effort and rate [N·m]."""
+        limit = self.limits.effort
+        if previous is None or not self._has_rate:
+            return -limit, limit
+        start = np.minimum(np.maximum(previous, -limit), limit)
+        return np.maximum(start - self._rate_bound, -limit), np.minimum(start + self._rate_bound, limit)
+
+    def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
+        """Return what the prediction needs."""
+        force: Array = x.coriolis_matrix.dot(x.velocity)
+        force += x.potential_gradient
+        matrix, damping = x.mass_matrix, x.damping
+        if damping is not None:
+            force += x.friction_torque
+            matrix = matrix.copy()
+            matrix.ravel(order="K")[:: self.system.n + 1] += self.period * damping
+        np.negative(force, out=force)
+        if external_force is not None:
+            force += external_force
+        return _Motion(matrix, lapack.dpotrf(matrix.T, 1)[0], force)
+
+    def _next_velocity(self, x: MechanicalState, motion: _Motion, torque: Array) -> Array:
+        """Return v⁺ under a torque [rad/s]."""
+        matrix = self.system.input_matrix
+        total = motion.force + (torque if matrix is None else matrix.dot(torque))
+        velocity: Array = lapack.dpotrs(motion.factor, total, 1)[0]
+        velocity *= self.period
+        velocity += x.velocity
+        return velocity
+
+    def _storage_excess(self, change: Array, port: PassivePort | None) -> float:
+        """Return max(0, ŷᵀ(u − u★) − dissipated power) [W]."""
+        if port is None or not self.storage:
+            return 0.0
+        return max(0.0, float(port.output.dot(change)) - port.dissipated_power)
+
+    def _braking(
+        self,
+        x: MechanicalState,
+        motion: _Motion,
+        bounds: tuple[Array, Array],
+        box: tuple[Array, Array],
+        drift: Array,
+        effect: Array,
+    ) -> Array:
+        """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m].
+
+        Where motors are at their limits, the others still bring their own joints where they should be.
+        """
+        v, fastest = x.velocity, self._braking_step
+        change = np.minimum(np.maximum(v * -(self.period / _DAMPING_TIME), -fastest), fastest)
+        change = np.minimum(np.maximum(change, bounds[0] - v), bounds[1] - v)
+        wanted = motion.inertia.dot(change)
+        wanted /= self.period
+        wanted -= motion.force
+        if self._inverse_input is not None:
+            wanted = self._inverse_input.dot(wanted)
+        torque: Array = np.minimum(np.maximum(wanted, box[0]), box[1])
+        free = torque == wanted
+        count = np.count_nonzero(free)
+        while 0 < count < free.size:
+            missing = v + change - drift - effect.dot(torque)
+            wanted = torque.copy()
+            wanted[free] += np.linalg.solve(effect[free][:, free], missing[free])
+            torque = np.minimum(np.maximum(wanted, box[0]), box[1])
+            free &= torque == wanted
+            if np.count_nonzero(free) == count:
+                break
+            count = np.count_nonzero(free)
+        return torque
+
+    def _hessian(self, motion: _Motion, reach: Array) -> Array | None:
+        """Return the metric for z, of order one; None for the identity."""
+        if self._inertial:
+            metric = lapack.dpotrs(motion.factor, self._identity, 1)[0]
+        elif self._metric is not None:
+            metric = self._metric
+        elif not self._has_rate:
+            return None
+        else:
+            relative = np.square(reach / self._scale)
+            return np.diag(relative / relative.mean())
+        hessian = metric * reach[:, None] * reach
+        result: Array = hessian * (self.system.n / np.trace(hessian))
+        return result
+
+    # --- the quadratic program, in z = (u − centre of the box) / reach of the box -------------------
+
+    def _solve(
+        self,
+        x: MechanicalState,
+        wish: Array,
+        box: tuple[Array, Array],
+        motion: _Motion,
+        bounds: tuple[Array, Array],
+        port: PassivePort | None,
+        clipped: Array,
+        velocity: Array,
+    ) -> FilteredTorque:
+        n, rows, lower, upper = self.system.n, self._rows, self._row_lower, self._row_upper
+        centre, reach, highest = self._scaling(box)
+        matrix = self.system.input_matrix
+        effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
+        effect *= self.period
+        drift = velocity - effect.dot(clipped)  # the next velocity without motors
+        braking = self._braking(x, motion, bounds, box, drift, effect)
+        reached = drift + effect.dot(braking)
+        scaled = effect * reach
+        size = np.sqrt(np.add.reduce(scaled * scaled, axis=1))
+        np.divide(scaled, size[:, None], out=rows[:n])
+        start, slack = drift + effect.dot(centre), _ROOM * size
+        np.divide(np.minimum(bounds[0], reached - slack) - start, size, out=lower[:n])
+        np.divide(np.maximum(bounds[1], reached + slack) - start, size, out=upper[:n])
+        if self._has_infinite_bounds:
+            np.maximum(lower, -_UNBOUNDED, out=lower)
+            np.minimum(upper, _UNBOUNDED, out=upper)
+        hessian = self._hessian(motion, reach)
+        target = (wish - centre) / reach
+        np.minimum(np.maximum(target, -_FARTHEST, out=target), _FARTHEST, out=target)
+        gradient = -target if hessian is None else -hessian.dot(target)
+        direction, length = self._storage_direction(port, reach)
+        possible = True
+        if port is not None and length:
+            extent = float(np.abs(direction).dot(highest))
+            bound = float(direction.dot(target)) + port.dissipated_power / length
+            possible = -extent <= bound
+            rows[n], lower[n], upper[n] = direction, min(-extent, bound) - 1.0, min(bound, extent + 1.0)
+        else:
+            rows[n], lower[n], upper[n] = 0.0, -1.0, 1.0
+        problem = Problem(hessian, gradient, rows, lower, upper, -highest, highest)
+        status, answer = self._answer(problem, possible, direction if length else None)
+        torque = braking if answer is None else np.minimum(np.maximum(centre + reach * answer, box[0]), box[1])
+        self.counts[status] += 1
+        motion_excess = _excess(drift + effect.dot(torque), *bounds)
+        return FilteredTorque(torque, status, motion_excess, self._storage_excess(torque - wish, port))
+
+    def _scaling(self, box: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+        """Return centre and reach of the box [N·m], and the largest z: 1, but where there is no effort limit."""
+        if not self._has_rate:
+            return self._zero, self._scale, self._highest
+        centre, reach = 0.5 * (box[0] + box[1]), 0.5 * (box[1] - box[0])
+        if self._has_infinite_bounds:
+            free = np.isinf(reach)
+            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
+            return centre, reach, np.where(free, _UNBOUNDED, 1.0)
+        return centre, reach, self._highest
+
+    def _storage_direction(self, port: PassivePort | None, reach: Array) -> tuple[Array, float]:
+        """Return ŷ for z as a direction and its length [W]; zero and 0 when there is nothing to keep."""
+        if port is not None and self.storage:
+            direction = port.output * reach
+            length = math.sqrt(direction.dot(direction))
+            if length > _NO_LEVER:
+                return direction / length, length
+        return np.zeros(self.system.n), 0.0
+
+    def _answer(self, problem: Problem, possible: bool, direction: Array | None) -> tuple[FilterStatus, Array | None]:
+        """Return z and how it was found. ``possible``: whether effort and rate alone allow the last row."""
+        answer = self._program.solve(problem) if possible else None
+        if answer is not None:
+            return FilterStatus.SOLVED, answer
+        if direction is None:
+            answer = self._program.solve(problem, warm=False)
+            return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
+        insisting = problem.without_last_row(problem.gradient + _INSISTENCE * direction)
+        insisted = self._insisting.solve(insisting)
+        if insisted is None:
+            insisted = self._insisting.solve(insisting, warm=False)
+        if possible and (insisted is None or not _proves(problem, insisted)):
+            answer = self._program.solve(problem, warm=False)
+            if answer is None and insisted is not None and problem.rows[-1].dot(insisted) <= problem.upper[-1]:
+                return self._by_insistence(problem, direction, insisted)
+            if answer is not None:
+                return FilterStatus.SOLVED, answer
+        return (FilterStatus.FALLBACK if insisted is None else FilterStatus.STORAGE_GIVEN_UP), insisted
+
+    def _by_insistence(self, problem: Problem, direction: Array, insisted: Array) -> tuple[FilterStatus, Array]:
+        """Return z by a search for the weight with which insisting just meets the last row; ``insisted`` meets it."""
+        too_little, enough, answer = 1e-3, _INSISTENCE, insisted
+        for _ in range(_SEARCH_STEPS):
+            weight = math.sqrt(too_little * enough)
+            found = self._insisting.solve(problem.without_last_row(problem.gradient + weight * direction), warm=False)
+            if found is None:
+                break
+            n = found.size
+            multipliers = np.concatenate((self._insisting.multipliers[:n], [weight], self._insisting.multipliers[n:]))
+            exact = corrected(problem, found, multipliers)
+            if exact is not None:
+                return FilterStatus.SOLVED, exact
+            if problem.rows[-1].dot(found) <= problem.upper[-1]:
+                enough, answer = weight, found
+            else:
+                too_little = weight
+        return FilterStatus.FEASIBLE, answer
+
+
+def _excess(velocity: Array, lowest: Array, highest: Array) -> float:
+    """Return by how much a velocity leaves its bounds [rad/s]."""
+    return max(0.0, float((velocity - highest).max()), float((lowest - velocity).max()))
+
+
+def _proves(problem: Problem, answer: Array) -> bool:
+    """Whether an insisting answer z proves that the problem's last row cannot be kept with the others.
+
+    z minimises φ(y) + ρ rᵀy, φ the distance. So any other y has rᵀy ≥ rᵀz − (max φ − φ(z))/ρ, the maximum over the box.
+    """
+    row, bound = problem.rows[-1], problem.upper[-1]
+    H = problem.hessian
+    farthest = np.maximum(np.abs(problem.lowest), np.abs(problem.highest))
+    if H is None:
+        near, far = 0.5 * answer.dot(answer), 0.5 * farthest.dot(farthest)
+    else:
+        near, far = 0.5 * answer.dot(H.dot(answer)), 0.5 * farthest.dot(np.abs(H).dot(farthest))
+    near += problem.gradient.dot(answer)
+    far += np.abs(problem.gradient).dot(farthest)
+    return bool(row.dot(answer) - bound > (far - near) / _INSISTENCE)

@@ -1,0 +1,113 @@
+"""One period of a controller, in simulation and on hardware alike."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phcontrol._validation import Array, positive
+from phcontrol.controllers.controller import Controller, PassivePort
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
+from phcontrol.sensors.measured import Measured
+
+
+class SampledControl:
+    """Computes the torque of a law once a period, to be held until the next.
+
+    The law's own state advances by one Euler step a period. The torque passes the torque filter, or is clipped
+    to the torque limit. Where the filter had to give H_d more than the law was dissipating, the law's state is moved
+    towards ``Controller.calmest_state`` until that energy is taken out again.
+
+    Args:
+        controller: the law.
+        period: [s].
+        torque_limit: what torques are clipped to [N·m]; None for nothing.
+        torque_filter: for the same period; None for none.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        period: float,
+        torque_limit: Array | None = None,
+        torque_filter: TorqueFilter | None = None,
+    ) -> None:
+        self.controller, self.period, self.torque_limit, self.filter = controller, period, torque_limit, torque_filter
+        if torque_filter is not None:
+            check_filter(torque_filter, controller, period)
+        self._same_model = torque_filter is not None and torque_filter.system is controller.system
+        self._held_rate: Array | None = None
+        self.wished = np.zeros(controller.system.n)
+        """The law's own torque in the last period [N·m]."""
+        self.torque: Array | None = None
+        """The torque of the last period [N·m]; None before the first."""
+        self.filtered: FilteredTorque | None = None
+        """What the filter said in the last period; None without one."""
+
+    def advance(self, state: Array) -> Array:
+        """Return the law's state one period after the last step (the same before the first)."""
+        rate = self._held_rate
+        return state if rate is None or not rate.size else state + self.period * rate
+
+    def step(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Array:
+        """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
+        self.wished, self._held_rate = self.controller.evaluate(t, x, state, measured)
+        if self.filter is None:
+            return self.limited(x, self.wished, measured)
+        port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
+        torque = self.limited(x, self.wished, measured, port)
+        if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
+            # twice: what the state does about it comes a period late
+            self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
+        return torque
+
+    def limited(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None = None) -> Array:
+        """Return a torque after filter and limits [N·m], which is remembered as the last one."""
+        if self.filter is not None:
+            view = x if self._same_model else self.filter.system.state_type(self.filter.system, x.position, x.velocity)
+            force = measured.external_force
+            self.filtered = self.filter.filter(view, torque, previous=self.torque, external_force=force, port=port)
+            torque = self.filtered.torque
+        limit = self.torque_limit
+        if limit is not None:
+            torque = np.maximum(np.minimum(torque, limit), -limit)
+        self.torque = torque
+        return torque
+
+    def hold_rate(self, state_rate: Array) -> None:
+        """Let the law's state advance with a rate of one's own until the next step."""
+        self._held_rate = state_rate
+
+    def forget(self) -> None:
+        """Start anew: the law's state does not advance before the next step."""
+        self._held_rate = None
+
+    def _calm(self, t: float, x: MechanicalState, state: Array, measured: Measured, energy: float) -> None:
+        """Move the law's state towards its calmest, until H_d is smaller by an energy [J] or smallest.
+
+        Along that line H_d is a parabola: a step λ of the way takes (2λ − λ²) of what can be taken.
+        """
+        law = self.controller
+        calm = law.calmest_state(t, x, state)
+        available = law.storage(t, x, state, measured) - law.storage(t, x, calm, measured)
+        if available > 0.0:
+            part = 1.0 - math.sqrt(1.0 - min(1.0, energy / available))
+            assert self._held_rate is not None
+            self._held_rate = self._held_rate + (part / self.period) * (calm - state)
+
+
+def check_filter(torque_filter: TorqueFilter, controller: Controller, period: float | None) -> None:
+    """Raise InvalidArgumentError unless a filter suits a law and a period (None for the filter's own)."""
+    if not isinstance(torque_filter, TorqueFilter):
+        raise InvalidArgumentError("torque_filter", f"must be a TorqueFilter, but is {type(torque_filter).__name__}")
+    if torque_filter.system.n != controller.system.n:
+        raise InvalidArgumentError(
+            "torque_filter", f"is for {torque_filter.system.n} joints, the controller for {controller.system.n}"
+        )
+    if period is not None and abs(torque_filter.period - positive("control_period", period)) > 1e-9 * period:
+        raise InvalidArgumentError(
+            "torque_filter", f"works every {torque_filter.period:g} s, but the control period is {period:g} s"
+        )

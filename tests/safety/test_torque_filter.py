@@ -1,0 +1,299 @@
+"""The torque filter: exact limits, exact answers, honest reports."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from phcontrol import (
+    FilterStatus,
+    InvalidArgumentError,
+    Limits,
+    Measured,
+    MechanicalSystem,
+    TorqueFilter,
+    load_robot,
+    make_controller,
+)
+from phcontrol.controllers.controller import PassivePort
+from phcontrol.controllers.registry import CONTROLLERS, laws_for
+from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from tests.conftest import make_system
+from tests.safety.random_cases import run
+
+PERIOD = 1e-3
+
+
+def measured_at(controller, x, rng):
+    """Draw forces, and what a law with eyes sees."""
+    scene = controller.random_scene(x, rng)
+    features = None if scene is None else scene.features(x, scene.initial_state())
+    return Measured(rng.normal(size=x.system.n), rng.normal(size=x.system.n), features=features)
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_random_cases_agree_with_exact_solvers(seed):
+    """A small share of what ``python -m tests.safety.random_cases --cases 1000000`` does."""
+    tally = run(2500, seed)
+    assert tally.hard_excess <= 1e-9
+    assert tally.torque_error <= 1e-5
+    assert tally.motion_error <= 1e-6
+    assert tally.storage_error <= 1e-8
+    assert tally.given_up_wrongly == 0
+    assert tally.statuses["FALLBACK"] <= 5
+    for status in (FilterStatus.PASSED, FilterStatus.CLIPPED, FilterStatus.SOLVED, FilterStatus.STORAGE_GIVEN_UP):
+        assert tally.statuses[status.name] > 200  # each way was taken
+    assert tally.relaxed > 200
+
+
+def at_rest(system, **limits):
+    filter_ = TorqueFilter(system, period=PERIOD, limits=Limits(system, **limits))
+    return filter_, system.at(0.5 * (system.robot.lower + system.robot.upper))
+
+
+def test_a_torque_inside_all_limits_passes_unchanged(pera):
+    filter_, x = at_rest(pera)
+    wish = x.potential_gradient + 0.01
+    result = filter_.filter(x, wish)
+    assert result.status == FilterStatus.PASSED
+    np.testing.assert_array_equal(result.torque, wish)
+    assert result.torque is not wish
+    assert (result.motion_excess, result.storage_excess) == (0.0, 0.0)
+
+
+def test_without_other_limits_the_answer_is_the_clipped_torque(pera):
+    filter_, x = at_rest(pera, velocity=np.inf, lower=-1e6, upper=1e6)
+    wish = np.array([100.0, -100.0, 5.0, 30.0, -30.0, 1.0, 7.0])
+    result = filter_.filter(x, wish)
+    assert result.status == FilterStatus.CLIPPED
+    np.testing.assert_array_equal(result.torque, np.clip(wish, -pera.robot.effort_limit, pera.robot.effort_limit))
+
+
+def test_the_torque_rate_is_kept_exactly_and_starts_anywhere(pera):
+    filter_, x = at_rest(pera, torque_rate=50.0, velocity=np.inf, lower=-1e6, upper=1e6)
+    previous = x.potential_gradient
+    result = filter_.filter(x, previous + 10.0, previous=previous)
+    np.testing.assert_allclose(result.torque, np.minimum(previous + 0.05, pera.robot.effort_limit), rtol=1e-12)
+    beyond = filter_.filter(x, np.zeros(7), previous=pera.robot.effort_limit * 3.0)
+    assert (np.abs(beyond.torque) <= pera.robot.effort_limit).all()
+
+
+def test_the_predicted_velocity_comes_true(pera):
+    """One period with the filtered torque, plant integrated exactly: the speed ends at its limit."""
+    filter_, x = at_rest(pera, velocity=0.005, effort=60.0)
+    result = filter_.filter(x, x.potential_gradient + 20.0)
+    assert result.status == FilterStatus.SOLVED
+    y = np.concatenate([x.position, x.velocity])
+    for _ in range(100):
+        state = pera.at(y[:7], y[7:])
+        y = y + PERIOD / 100 * np.concatenate([state.velocity, state.acceleration(result.torque)])
+    assert np.abs(y[7:]).max() == pytest.approx(0.005, rel=0.05)
+    assert (np.abs(y[7:]) <= 0.005 * 1.05).all()
+
+
+def test_the_storage_condition_holds_by_finite_differences(shoulder):
+    """Ḣ_d under the filtered torque, by differences of the storage function along the true motion, is ≤ 0."""
+    controller = make_controller("force_feedback", shoulder, goal=[1.0, 0.5], stiffness=200.0)
+    filter_ = TorqueFilter(shoulder, period=PERIOD, limits=Limits(shoulder, effort=35.0))
+    rng = np.random.default_rng(4)
+    seen = 0
+    for _ in range(400):
+        x = shoulder.at(rng.uniform(-1.0, 1.0, 2), rng.normal(size=2))
+        state = rng.normal(size=2)
+        command = controller.evaluate(0.0, x, state)
+        port = controller.passive_port(0.0, x, state)
+        result = filter_.filter(x, command.torque, port=port)
+        if result.status != FilterStatus.SOLVED:
+            continue
+        seen += 1
+
+        def storage(dt, x=x, state=state, rate=command.state_rate, torque=result.torque):
+            a = x.acceleration(torque)
+            y = shoulder.at(x.position + dt * x.velocity + 0.5 * dt**2 * a, x.velocity + dt * a)
+            return controller.storage(0.0, y, state + dt * rate)
+
+        rate = (storage(1e-5) - storage(-1e-5)) / 2e-5
+        assert rate <= 1e-5 * (1.0 + abs(storage(0.0)))
+    assert seen >= 20
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize("arm", ["pera", "pera_gripper", "geared"])
+def test_the_passive_port_is_what_target_and_storage_say(law, arm):
+    """ŷ = ∂Ḣ_d/∂u by moving the torque, the dissipated power from the target: for every law."""
+    if arm == "geared":
+        system = MechanicalSystem(
+            load_robot("pera_shoulder_elbow"),
+            input_matrix=np.eye(3) + 0.2 * np.random.default_rng(2).normal(size=(3, 3)),
+        )
+    else:
+        system = make_system(arm)
+    if law not in laws_for(system):
+        return
+    rng, n = np.random.default_rng(8), system.n
+    controller = make_controller(law, system)
+    for _ in range(5):
+        x = system.at(system.robot.random_position(rng), rng.normal(size=n))
+        state, measured = controller.random_state(rng), measured_at(controller, x, rng)
+        port = controller.passive_port(0.3, x, state, measured)
+        target = controller.target(0.3, x, state, measured)
+        power = target.gradient @ target.dissipation @ target.gradient
+        assert port.dissipated_power == pytest.approx(power, rel=1e-9, abs=1e-9)
+        step = 1e-4
+        output = np.empty(n)
+        for joint, unit in enumerate(np.eye(n)):
+            kick = np.linalg.solve(x.mass_matrix, system.at(x.position).input_matrix @ unit) * step
+            ahead, behind = system.at(x.position, x.velocity + kick), system.at(x.position, x.velocity - kick)
+            rise = controller.storage(0.3, ahead, state, measured) - controller.storage(0.3, behind, state, measured)
+            output[joint] = rise / (2.0 * step)
+        scale = 1.0 + np.abs(port.output).max()
+        np.testing.assert_allclose(port.output, output, atol=1e-7 * scale)
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+def test_the_calmest_state_makes_the_storage_smallest(law, pera):
+    controller, rng = make_controller(law, pera), np.random.default_rng(5)
+    if not controller.state_size:
+        return
+    free = [k for k, name in enumerate(n for n, size in controller.state_parts.items() for _ in range(size)) if name in
+            ("force", "rest_length")]  # fmt: skip
+    for _ in range(5):
+        x = pera.at(pera.robot.random_position(rng), rng.normal(size=7))
+        state = controller.random_state(rng)
+        calm = controller.calmest_state(0.0, x, state)
+        lowest = controller.storage(0.0, x, calm)
+        held = [k for k in range(state.size) if k not in free]
+        np.testing.assert_array_equal(calm[held], state[held])
+        for k in free:
+            for step in (1e-3, -1e-3):
+                moved = calm.copy()
+                moved[k] += step
+                assert controller.storage(0.0, x, moved) > lowest
+
+
+def test_general_and_closed_form_ports_agree(pera):
+    from phcontrol.controllers.controller import Controller
+
+    rng = np.random.default_rng(6)
+    for law in CONTROLLERS:
+        controller = make_controller(law, pera)
+        x = pera.at(pera.robot.random_position(rng), rng.normal(size=7))
+        state, measured = controller.random_state(rng), measured_at(controller, x, rng)
+        special = controller.passive_port(0.0, x, state, measured)
+        general = Controller.passive_port(controller, 0.0, x, state, measured)
+        np.testing.assert_allclose(special.output, general.output, atol=1e-8 * (1.0 + np.abs(general.output).max()))
+        assert special.dissipated_power == pytest.approx(general.dissipated_power, rel=1e-9)
+
+
+@settings(max_examples=60)
+@given(
+    wish=arrays(float, 2, elements=st.floats(-1e300, 1e300)),
+    velocity=arrays(float, 2, elements=st.floats(-1e3, 1e3)),
+    position=arrays(float, 2, elements=st.floats(-10.0, 10.0)),
+    output=arrays(float, 2, elements=st.floats(-1e12, 1e12)),
+    power=st.floats(0.0, 1e12),
+)
+def test_whatever_comes_in_a_torque_inside_the_limits_comes_out(wish, velocity, position, output, power):
+    system = make_system("pera_shoulder")
+    filter_ = EXTREME
+    with np.errstate(all="ignore"):
+        result = filter_.filter(
+            system.at(position, velocity), wish, previous=np.zeros(2), port=PassivePort(output, power)
+        )
+    assert np.isfinite(result.torque).all()
+    assert (np.abs(result.torque) <= system.robot.effort_limit).all()
+    assert (np.abs(result.torque) <= 5.0 + 1e-12).all()  # 5000 N·m/s for 1 ms from 0
+
+
+EXTREME = TorqueFilter(
+    make_system("pera_shoulder"), period=PERIOD, limits=Limits(make_system("pera_shoulder"), torque_rate=5000.0)
+)
+
+
+@pytest.mark.parametrize("metric", ["inertia", np.diag([1.0, 5.0])])
+def test_other_metrics_agree_with_a_general_solver(shoulder, metric):
+    """Nearest in another metric: no point of a fine grid inside the limits is nearer."""
+    limits = Limits(shoulder, velocity=0.02)
+    filter_ = TorqueFilter(shoulder, period=PERIOD, limits=limits, metric=metric)
+    x = shoulder.at([-0.5, 0.4], [0.015, -0.01])
+    W = np.linalg.inv(x.mass_matrix + PERIOD * x.damping_matrix) if isinstance(metric, str) else metric
+    wish = np.array([30.0, -60.0])
+    result = filter_.filter(x, wish)
+    assert result.status == FilterStatus.SOLVED
+
+    def distance(u):
+        return float((u - wish) @ W @ (u - wish))
+
+    inside = 0
+    effect = PERIOD * np.linalg.inv(x.mass_matrix + PERIOD * x.damping_matrix)
+    drift = x.velocity - effect @ (x.coriolis_matrix @ x.velocity + x.potential_gradient + x.friction_torque)
+    for u in result.torque + np.random.default_rng(0).normal(size=(4000, 2)) * 0.5:
+        ok = (np.abs(u) <= limits.effort).all() and (np.abs(drift + effect @ u) <= 0.02).all()
+        if ok:
+            inside += 1
+            assert distance(u) >= distance(result.torque) - 1e-6
+    assert inside > 100
+
+
+def test_a_joint_without_an_effort_limit_is_not_clipped(shoulder):
+    limits = Limits(shoulder, effort=[np.inf, 40.0], velocity=np.inf, lower=-1e6, upper=1e6, braking_acceleration=1.0)
+    filter_ = TorqueFilter(shoulder, period=PERIOD, limits=limits)
+    result = filter_.filter(shoulder.at([0.1, 0.1]), np.array([1e4, 100.0]))
+    np.testing.assert_allclose(result.torque, [1e4, 40.0])
+    slow = TorqueFilter(
+        shoulder, period=PERIOD, limits=Limits(shoulder, effort=[np.inf, 40.0], velocity=0.1, braking_acceleration=1.0)
+    )
+    result = slow.filter(shoulder.at([-0.5, 0.1]), np.array([1e4, 0.0]))
+    assert result.status == FilterStatus.SOLVED
+    assert 10.0 < result.torque[0] < 1e3
+
+
+def test_a_solver_that_fails_is_replaced_and_reported(pera, monkeypatch):
+    filter_, x = at_rest(pera, velocity=0.01)
+    monkeypatch.setattr(QuadraticProgram, "solve", lambda self, problem, warm=True: None)
+    moving = pera.at(x.position, np.full(7, 0.02))
+    result = filter_.filter(moving, np.full(7, 5.0), port=PassivePort(np.ones(7), 1.0))
+    assert result.status == FilterStatus.FALLBACK
+    assert filter_.counts[FilterStatus.FALLBACK] == 1
+    assert (np.abs(result.torque) <= pera.robot.effort_limit).all()
+    acceleration = moving.acceleration(result.torque)
+    assert (acceleration < 0.0).all()  # it brakes
+    filter_.reset()
+    assert filter_.counts[FilterStatus.FALLBACK] == 0
+
+
+def test_the_check_of_optimality_refuses_what_is_not_optimal():
+    """The residuals vanish at the optimum, found by hand, and at no point beside it."""
+    problem = Problem(
+        None, np.array([-2.0, 0.0]), np.array([[1.0, 0.0]]), np.array([-1.0]), np.array([0.5]), -np.ones(2), np.ones(2)
+    )
+    best, multiplier = np.array([0.5, 0.0]), np.array([1.5])  # z₁ − 2 + λ = 0 at z₁ = ½
+    assert problem.accepts(best, multiplier)
+    for z in ([0.5, 1e-8], [0.5 - 1e-8, 0.0], [0.5 + 1e-8, 0.0], [np.nan, 0.0]):
+        assert not problem.accepts(np.array(z), multiplier)
+    for wrong in (1.5 + 1e-8, 0.0, -1.5, np.nan):
+        assert not problem.accepts(best, np.array([wrong]))
+    np.testing.assert_allclose(QuadraticProgram(2, 1).solve(problem), best, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"period": 0.0}, "period: must be > 0"),
+        ({"period": PERIOD, "limits": 3}, "limits: must be Limits"),
+        ({"period": PERIOD, "metric": "torque"}, "metric: must be 'effort'"),
+        ({"period": PERIOD, "metric": -np.eye(7)}, "metric: must be positive definite"),
+        ({"period": PERIOD, "storage": 1}, "storage: must be True or False"),
+    ],
+)
+def test_bad_arguments_are_refused(pera, arguments, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        TorqueFilter(pera, **arguments)
+
+
+def test_a_filter_needs_a_system():
+    with pytest.raises(InvalidArgumentError, match="system: must be a MechanicalSystem"):
+        TorqueFilter("pera", period=PERIOD)
