@@ -147,7 +147,7 @@ class Controller(ABC):
         for joint, unit in enumerate(np.eye(x.system.n)):
             ahead, behind = at(x.system, x.position, x.velocity + unit), at(x.system, x.position, x.velocity - unit)
             slope[joint] = 0.5 * (self.storage(t, ahead, state, measured) - self.storage(t, behind, state, measured))
-        output = x.input_matrix.T.dot(lapack.dpotrs(x.factor, slope, 1)[0])
+        output = x.input_matrix.T.dot(x.solve_factor_transposed(x.solve_factor(slope)))
         return PassivePort(output, float(target.gradient.dot(target.dissipation.dot(target.gradient))))
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
