@@ -23,5 +23,6 @@ def test_the_filter_keeps_every_law_inside_the_limits(law, arm, wall):
     assert found.torque <= 1e-9
     assert found.position == 0.0
     assert found.velocity <= (BUMP if wall else 1e-2)
-    assert (log.filter_activity["status"] > FilterStatus.PASSED).any()
+    if not law.startswith("tracking"):  # whose own trajectory may keep the limits
+        assert (log.filter_activity["status"] > FilterStatus.PASSED).any()
     assert found.fallbacks <= 2
