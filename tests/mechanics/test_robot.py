@@ -110,8 +110,7 @@ def test_the_massless_joint_is_the_one_named(tmp_path):
 def test_home_of_a_locked_arm_keeps_the_free_joints(tmp_path):
     robot = load_robot("pera")
     locked = load_robot("pera", locked_joints=[robot.joint_names[0]])
-    np.testing.assert_allclose(locked.home, np.clip(0.0, locked.lower, locked.upper))
-    assert (robot.home[1:] != locked.home).any()  # the posture of the whole arm means nothing without one of its joints
+    np.testing.assert_array_equal(locked.home, robot.home[1:])
     assert locked.joint_names == robot.joint_names[1:]
     assert load_robot(urdf(tmp_path)).locked_joints == {}
 
