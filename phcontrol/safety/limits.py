@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, finite_array, number
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety import kernels
 
 _SAMPLES = 300  # of the configurations and velocities that the braking acceleration is good for
 _RESERVE = 0.8  # of the effort that braking may take
@@ -83,29 +84,25 @@ class Limits:
         self._twice_braking = np.tile(self.braking_acceleration, 2)
         self._twice_reaction = np.tile(self.reaction_time, 2)
         self._edges = np.concatenate([self.upper, -self.lower])
-        self._double_braking = 2.0 * self._twice_braking
         for array in vars(self).values():
             array.flags.writeable = False
-        self._period, self._lag, self._lag_squared = 0.0, self._twice_reaction, self._twice_reaction
+        self._period, self._lag = 0.0, self._twice_reaction
 
     def velocity_bounds(self, position: Array, velocity: Array, period: float) -> tuple[Array, Array]:
         """Return the lowest and the highest next velocity, shape (n,) each [rad/s]."""
-        n = position.size
-        half_way = position + 0.5 * period * velocity
-        room = self._edges - np.concatenate((half_way, -half_way))  # to the upper limits, then to the lower ones
         if period != self._period:
             self._period, self._lag = period, (self._twice_reaction + 0.5 * period) * self._twice_braking
-            self._lag_squared = self._lag * self._lag
-        bound = np.maximum(room, 0.0)
-        bound *= self._double_braking
-        bound += self._lag_squared
-        np.sqrt(bound, out=bound)
-        bound -= self._lag
-        outside = room < 0.0
-        if np.logical_or.reduce(outside):
-            bound = np.where(outside, np.maximum(room / _RETURN_TIME, self._return_speed), bound)
-        np.minimum(bound, self._twice_velocity, out=bound)
-        return -bound[n:], bound[:n]
+        return kernels.speed_bounds(
+            position,
+            velocity,
+            period,
+            self._edges,
+            self._twice_braking,
+            self._lag,
+            self._twice_velocity,
+            _RETURN_TIME,
+            self._return_speed,
+        )
 
 
 def braking_acceleration_within(system: MechanicalSystem, effort: Array, velocity: Array) -> Array:

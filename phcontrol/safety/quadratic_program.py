@@ -9,6 +9,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from phcontrol._validation import Array
+from phcontrol.safety import kernels
 
 ACCURACY = 1e-10
 """What is asked of the solver, in scaled units."""
@@ -55,22 +56,7 @@ class Problem(NamedTuple):
 
         They are z = clip(z − (H z + g + Cᵀλ), a, b) and C z = clip(C z + λ, l, u): true at the optimum and only there.
         """
-        downhill = multipliers.dot(self.rows)
-        downhill += self.gradient
-        if self.hessian is None:
-            np.negative(downhill, out=downhill)
-        else:
-            downhill += self.hessian.dot(z)
-            np.subtract(z, downhill, out=downhill)
-        np.maximum(downhill, self.lowest, out=downhill)
-        np.minimum(downhill, self.highest, out=downhill)
-        downhill -= z
-        values = self.rows.dot(z)
-        kept = values + multipliers
-        np.maximum(kept, self.lower, out=kept)
-        np.minimum(kept, self.upper, out=kept)
-        kept -= values
-        return _length(downhill), _length(kept)
+        return kernels.residuals(*self, z, multipliers)
 
     def accepts(self, z: Array, multipliers: Array) -> bool:
         """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
@@ -83,11 +69,12 @@ class Problem(NamedTuple):
 class QuadraticProgram:
     """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
 
-    An answer counts only if the residuals of the optimality conditions, computed here, are below ``ACCEPTED``.
-    Where ProxQP's is not that exact, the equations of the constraints that it found active are solved directly, the
-    active constraints are corrected by that solution, and so on (a primal-dual active-set method); the result is
-    checked likewise. Three traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it gives
-    up problems that have solutions; a large gradient beside bounds of order one spoils it, so that the objective
+    Mostly the constraints that were active last are active again: then one set of equations gives the optimum, and
+    ProxQP is not asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
+    ``ACCEPTED``. Where ProxQP's is not that exact, the equations of the constraints that it found active are solved
+    directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); the
+    result is checked likewise. Three traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it
+    gives up problems that have solutions; a large gradient beside bounds of order one spoils it, so that the objective
     is scaled here; and multipliers left by a problem without a solution spoil the next warm start.
     """
 
@@ -110,10 +97,15 @@ class QuadraticProgram:
         solver.solve()  # an update before the first solve would crash a warm start
         self._solver: Any = solver
         self._warm = self._starts_warm = self._scaled_last = False
+        self._last: tuple[Array, Array] | None = None
         settings.initial_guess = _COLD
 
     def solve(self, problem: Problem, *, warm: bool = True) -> Array | None:
         """Return the optimum, exactly inside the box, or None when no answer passes the check."""
+        if warm and self._last is not None:
+            answer = self._with_the_same_constraints(problem, *self._last)
+            if answer is not None:
+                return answer
         solver = self._solver
         if self._starts_warm != (warm and self._warm):
             self._starts_warm = warm and self._warm
@@ -137,30 +129,53 @@ class QuadraticProgram:
         accepted = problem.accepts(z, multipliers[: self._m])
         self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
         if accepted:
+            self._last = z, np.array(multipliers)
             return z
+        self._last = None
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             self.reset()
             return None
         return corrected(problem, x, multipliers)
 
+    def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
+        """Return the optimum if the constraints that were active last are so again; None otherwise."""
+        step = kernels.active_set_step(*problem, x, multipliers)
+        if step is None:
+            return None
+        x, multipliers = step
+        z: Array = np.minimum(np.maximum(x, problem.lowest), problem.highest)
+        if not problem.accepts(z, multipliers[: self._m]):
+            return None
+        self._last, self.multipliers = step, multipliers
+        return z
+
 
 def corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
     """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
-    n, m = x.size, problem.lower.size
-    identity = np.eye(n)
-    H = identity if problem.hessian is None else problem.hessian
-    rows = np.vstack([problem.rows, identity])
-    lower, upper = np.append(problem.lower, problem.lowest), np.append(problem.upper, problem.highest)
+    m = problem.lower.size
     for _ in range(_MOST_CORRECTIONS):
-        wanted = rows.dot(x) + multipliers
-        above, below = wanted > upper, wanted < lower
-        active = np.flatnonzero(above | below)
-        A, b = rows[active], np.where(above, upper, lower)[active]
-        equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
-        solution = np.linalg.lstsq(equations, np.append(-problem.gradient, b), rcond=1e-13)[0]
-        x, multipliers = solution[:n], np.zeros(m + n)
-        multipliers[active] = solution[n:]
+        x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
+            problem, x, multipliers
+        )
         z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
         if problem.accepts(z, multipliers[:m]):
             return z
     return None
+
+
+def _least_squares_step(problem: Problem, x: Array, multipliers: Array) -> tuple[Array, Array]:
+    """Return what ``kernels.active_set_step`` does, where the active constraints depend on each other."""
+    n = x.size
+    identity = np.eye(n)
+    rows = np.vstack([problem.rows, identity])
+    lower, upper = np.append(problem.lower, problem.lowest), np.append(problem.upper, problem.highest)
+    wanted = rows.dot(x) + multipliers
+    above, below = wanted > upper, wanted < lower
+    active = np.flatnonzero(above | below)
+    A, b = rows[active], np.where(above, upper, lower)[active]
+    H = identity if problem.hessian is None else problem.hessian
+    equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
+    solution = np.linalg.lstsq(equations, np.append(-problem.gradient, b), rcond=1e-13)[0]
+    found = np.zeros_like(multipliers)
+    found[active] = solution[n:]
+    return solution[:n], found

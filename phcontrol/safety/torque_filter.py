@@ -15,6 +15,7 @@ from phcontrol.controllers.controller import PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety import kernels
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_program import Problem, QuadraticProgram, corrected
 
@@ -293,13 +294,7 @@ class TorqueFilter:
         effect *= self.period
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
         braking = self._braking(x, motion, bounds, box, drift, effect)
-        reached = drift + effect.dot(braking)
-        scaled = effect * reach
-        size = np.sqrt(np.add.reduce(scaled * scaled, axis=1))
-        np.divide(scaled, size[:, None], out=rows[:n])
-        start, slack = drift + effect.dot(centre), _ROOM * size
-        np.divide(np.minimum(bounds[0], reached - slack) - start, size, out=lower[:n])
-        np.divide(np.maximum(bounds[1], reached + slack) - start, size, out=upper[:n])
+        kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
             np.maximum(lower, -_UNBOUNDED, out=lower)
             np.minimum(upper, _UNBOUNDED, out=upper)

@@ -1,0 +1,107 @@
+"""The kernels of the torque filter on NumPy: where no compiler was at hand, and as their own check."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phcontrol._validation import Array
+
+
+def speed_bounds(
+    position: Array,
+    velocity: Array,
+    period: float,
+    edges: Array,
+    braking: Array,
+    lag: Array,
+    velocity_limit: Array,
+    return_time: float,
+    return_speed: Array,
+) -> tuple[Array, Array]:
+    """Return the lowest and the highest next velocity; the arrays of 2n hold upper limits first, then lower ones."""
+    n = position.size
+    half_way = position + 0.5 * period * velocity
+    room = edges - np.concatenate((half_way, -half_way))
+    bound = np.sqrt(2.0 * braking * np.maximum(room, 0.0) + lag * lag) - lag
+    outside = room < 0.0
+    if outside.any():
+        bound = np.where(outside, np.maximum(room / return_time, return_speed), bound)
+    np.minimum(bound, velocity_limit, out=bound)
+    return -bound[n:], bound[:n]
+
+
+def motion_rows(
+    effect: Array,
+    reach: Array,
+    centre: Array,
+    drift: Array,
+    lowest: Array,
+    highest: Array,
+    braking: Array,
+    room: float,
+    rows: Array,
+    lower: Array,
+    upper: Array,
+) -> None:
+    """Write the first n rows of the program and their bounds."""
+    n = reach.size
+    scaled = effect * reach
+    size = np.sqrt(np.add.reduce(scaled * scaled, axis=1))
+    np.divide(scaled, size[:, None], out=rows[:n])
+    start, reached, slack = drift + effect.dot(centre), drift + effect.dot(braking), room * size
+    np.divide(np.minimum(lowest, reached - slack) - start, size, out=lower[:n])
+    np.divide(np.maximum(highest, reached + slack) - start, size, out=upper[:n])
+
+
+def residuals(
+    hessian: Array | None,
+    gradient: Array,
+    rows: Array,
+    lower: Array,
+    upper: Array,
+    lowest: Array,
+    highest: Array,
+    z: Array,
+    multipliers: Array,
+) -> tuple[float, float]:
+    """Return by how much z and the rows' multipliers miss the two conditions of optimality."""
+    downhill = multipliers.dot(rows) + gradient
+    downhill += z if hessian is None else hessian.dot(z)
+    stationary = np.minimum(np.maximum(z - downhill, lowest), highest) - z
+    values = rows.dot(z)
+    complementary = np.minimum(np.maximum(values + multipliers, lower), upper) - values
+    return math.sqrt(stationary.dot(stationary)), math.sqrt(complementary.dot(complementary))
+
+
+def active_set_step(
+    hessian: Array | None,
+    gradient: Array,
+    rows: Array,
+    lower: Array,
+    upper: Array,
+    lowest: Array,
+    highest: Array,
+    x: Array,
+    multipliers: Array,
+) -> tuple[Array, Array] | None:
+    """Return x and multipliers with the active constraints of the given ones as equations; None if singular."""
+    n = x.size
+    identity = np.eye(n)
+    constraints = np.vstack([rows, identity])
+    wanted = constraints.dot(x) + multipliers
+    above, below = wanted > np.append(upper, highest), wanted < np.append(lower, lowest)
+    active = np.flatnonzero(above | below)
+    A = constraints[active]
+    b = np.where(above, np.append(upper, highest), np.append(lower, lowest))[active]
+    if active.size > n:
+        return None
+    H = identity if hessian is None else hessian
+    equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
+    if np.linalg.cond(equations) > 1e12:
+        return None
+    solution = np.linalg.solve(equations, np.append(-gradient, b))
+    found = np.zeros_like(multipliers)
+    found[active] = solution[n:]
+    return solution[:n], found

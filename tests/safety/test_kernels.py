@@ -1,0 +1,150 @@
+"""The kernels of the torque filter against their definitions, in every implementation that is here."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+
+import numpy as np
+import pytest
+from daqp import solve as daqp_solve
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phcontrol.safety.quadratic_program import Problem
+
+IMPLEMENTATIONS = {"numpy": importlib.import_module("phcontrol.safety._numpy")}
+with contextlib.suppress(ImportError):  # where no compiler was at hand
+    IMPLEMENTATIONS["compiled"] = importlib.import_module("phcontrol.safety._compiled")
+
+every_implementation = pytest.mark.parametrize("kernels", IMPLEMENTATIONS.values(), ids=IMPLEMENTATIONS)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@every_implementation
+@given(seed=seeds, period=st.floats(1e-4, 0.01))
+def test_from_the_speed_bounds_a_joint_just_stops_at_its_limit(kernels, seed, period):
+    rng, n = np.random.default_rng(seed), 4
+    q, v, most = rng.uniform(-1.0, 1.0, n), rng.normal(size=n), rng.uniform(0.5, 3.0, n)
+    upper, lower, braking = np.full(n, 1.2), np.full(n, -1.2), rng.uniform(1.0, 50.0, n)
+    upper[0] = np.inf
+    lag = 0.5 * period * np.tile(braking, 2)
+    back, edges = np.full(2 * n, -0.25), np.concatenate([upper, -lower])
+    low, high = kernels.speed_bounds(q, v, period, edges, np.tile(braking, 2), lag, np.tile(most, 2), 0.05, back)
+    for bound, edge, way in ((high, upper, 1.0), (-low, -lower, -1.0)):
+        for joint in range(n):
+            room = edge[joint] - way * (q + 0.5 * period * v)[joint]
+            needed = 0.5 * period * bound[joint] + bound[joint] ** 2 / (2.0 * braking[joint])
+            if room < 0.0:  # outside already: a gentle return
+                assert bound[joint] == pytest.approx(max(room / 0.05, -0.25))
+            elif bound[joint] < most[joint]:
+                assert needed == pytest.approx(room, rel=1e-9, abs=1e-12)
+            else:
+                assert bound[joint] == most[joint]
+                assert needed <= room * (1.0 + 1e-9) + 1e-12
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 9))
+def test_motion_rows_bound_the_next_velocity(kernels, seed, size):
+    rng = np.random.default_rng(seed)
+    effect = np.asfortranarray(rng.normal(size=(size, size)))
+    reach, centre, drift = rng.uniform(0.5, 2.0, size), rng.normal(size=size), rng.normal(size=size)
+    braking = centre + reach * rng.uniform(-1.0, 1.0, size)
+    lowest, highest = -rng.uniform(0.0, 1.0, size), rng.uniform(0.0, 1.0, size)
+    rows, lower, upper = np.full((size + 1, size), 7.0), np.full(size + 1, 8.0), np.full(size + 1, 9.0)
+    kernels.motion_rows(effect, reach, centre, drift, lowest, highest, braking, 0.0, rows, lower, upper)
+    np.testing.assert_allclose(np.linalg.norm(rows[:-1], axis=1), 1.0)
+    assert (rows[-1] == 7.0).all()
+    assert (lower[-1], upper[-1]) == (8.0, 9.0)
+    reached = drift + effect @ braking
+    z = rng.uniform(-2.0, 2.0, size)
+    velocity = drift + effect @ (centre + reach * z)
+    inside = (velocity >= np.minimum(lowest, reached)) & (velocity <= np.maximum(highest, reached))
+    values = rows[:-1] @ z
+    np.testing.assert_array_equal(inside, (values >= lower[:-1]) & (values <= upper[:-1]))
+
+
+def random_problem(seed, *, with_hessian):
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 8)), int(rng.integers(1, 9))
+    root = rng.normal(size=(n, n))
+    rows = rng.normal(size=(m, n))
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    width = rng.uniform(0.05, 1.0, m)
+    return Problem(
+        np.eye(n) + root @ root.T if with_hessian else None, 3.0 * rng.normal(size=n), rows, -width, width,
+        -np.ones(n), np.ones(n),
+    )  # fmt: skip
+
+
+def exact(problem):
+    """Return optimum and multipliers (rows, then box) by DAQP."""
+    n = problem.gradient.size
+    H = np.eye(n) if problem.hessian is None else problem.hessian
+    upper = np.concatenate([problem.highest, problem.upper])
+    lower = np.concatenate([problem.lowest, problem.lower])
+    z, _, flag, info = daqp_solve(H, problem.gradient, problem.rows, upper, lower, np.zeros(upper.size, dtype=np.int32))
+    assert flag == 1
+    forces = np.asarray(info["lam"])
+    return np.asarray(z), np.concatenate([forces[n:], forces[:n]])
+
+
+@every_implementation
+@given(seed=seeds, with_hessian=st.booleans())
+def test_residuals_vanish_at_the_optimum_and_only_there(kernels, seed, with_hessian):
+    problem = random_problem(seed, with_hessian=with_hessian)
+    z, forces = exact(problem)
+    rows = np.ascontiguousarray(forces[: problem.lower.size])
+    assert max(kernels.residuals(*problem, z, rows)) < 1e-8
+    away = np.clip(z + 0.1 * np.where(z > 0.0, -1.0, 1.0), problem.lowest, problem.highest)
+    assert max(kernels.residuals(*problem, away, rows)) > 1e-3
+    assert np.isnan(kernels.residuals(*problem, np.full_like(z, np.nan), rows)).any()
+
+
+@every_implementation
+@given(seed=seeds, with_hessian=st.booleans())
+def test_the_right_active_constraints_give_the_optimum(kernels, seed, with_hessian):
+    problem = random_problem(seed, with_hessian=with_hessian)
+    z, forces = exact(problem)
+    if np.count_nonzero(forces) and np.abs(forces[forces != 0.0]).min() < 1e-6:
+        return  # on the edge of activity
+    moved = problem._replace(gradient=problem.gradient * (1.0 + 1e-9))  # the constraints are those of a moment ago
+    step = kernels.active_set_step(*moved, z, forces)
+    assert step is not None
+    np.testing.assert_allclose(step[0], z, atol=1e-7)
+    np.testing.assert_allclose(step[1], forces, atol=1e-6)
+
+
+@every_implementation
+def test_dependent_active_constraints_are_said(kernels):
+    problem = Problem(
+        None, np.array([-5.0, 0.0]), np.array([[1.0, 0.0]]), -np.ones(1), np.ones(1), -np.ones(2), np.ones(2)
+    )
+    assert kernels.active_set_step(*problem, np.ones(2), np.array([4.0, 4.0, 0.0])) is None
+
+
+@pytest.mark.skipif("compiled" not in IMPLEMENTATIONS, reason="the kernels were not compiled")
+def test_the_compiled_kernels_refuse_what_they_cannot_read():
+    compiled = IMPLEMENTATIONS["compiled"]
+    problem = random_problem(1, with_hessian=True)
+    n, m = problem.gradient.size, problem.lower.size
+    z, forces = np.zeros(n), np.zeros(m + n)
+    for bad in (
+        problem._replace(gradient=None),
+        problem._replace(gradient=np.zeros(n + 1)),
+        problem._replace(hessian=np.eye(n + 1)),
+        problem._replace(rows=np.asfortranarray(np.ones((m + 1, n + 1)))),
+        problem._replace(lower=np.zeros(m, dtype=np.float32)),
+        problem._replace(highest=np.zeros(2 * n)[::2] if n > 1 else np.zeros(n + 1)),
+    ):
+        with pytest.raises(ValueError, match=r"must be"):
+            compiled.active_set_step(*bad, z, forces)
+        with pytest.raises(ValueError, match=r"must be"):
+            compiled.residuals(*bad, z, forces[:m])
+    with pytest.raises(ValueError, match="multipliers"):
+        compiled.active_set_step(*problem, z, forces[:-1])
+    with pytest.raises(TypeError, match="takes 9"):
+        compiled.residuals(*problem, z)
+    with pytest.raises(ValueError, match="edges"):
+        compiled.speed_bounds(z, z, 1e-3, z, z, z, z, 0.05, z)
