@@ -41,6 +41,7 @@ _DERIVED = (
     "contact_work",
 )
 _DERIVED_VECTORS = ("force_output",)
+_PER_BODY, _PER_WRENCH = ("contact_forces", "contact_depths"), "wrench_forces"
 
 
 @dataclass(frozen=True)
@@ -330,8 +331,8 @@ class Log:
         if all(name in self._data for name in (*_DERIVED, *_DERIVED_VECTORS)):
             nothing = np.zeros((len(self.time), 0))
             stored = {name: self._data[name] for name in (*_DERIVED, *_DERIVED_VECTORS)}
-            stored |= {name: self._data.get(name, nothing) for name in ("contact_forces", "contact_depths")}
-            return stored | {name: self._data[name] for name in ("goal", "wrench_forces") if name in self._data}
+            stored |= {name: self._data.get(name, nothing) for name in _PER_BODY}
+            return stored | {name: self._data[name] for name in ("goal", _PER_WRENCH) if name in self._data}
         rows = [self.derive(k) for k in range(len(self.time))]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
@@ -473,9 +474,13 @@ def _problem(data: dict[str, Array], metadata: dict[str, Any]) -> str:
             expected = (samples,)
         elif name.endswith("features"):
             expected = (samples, _FEATURES)
+        elif name in _PER_BODY:
+            expected = (samples, *array.shape[1:2])
+        elif name == _PER_WRENCH:
+            expected = (samples, *array.shape[1:2], 3)
         else:
             expected = (samples, n)
-        if array.shape != expected or (name.endswith("_state") and array.ndim != 2):
+        if array.shape != expected or (name in ("controller_state", "body_state", *_PER_BODY) and array.ndim != 2):
             return f"{name} has shape {array.shape}, not {expected}"
     limit = metadata.get("torque_limit", [1.0] * n)
     numbers = isinstance(limit, list) and all(type(value) in (int, float) for value in limit)
