@@ -36,41 +36,22 @@ if _wish not in ("", "compiled", "lapack"):
     raise ImportError(f"PHCONTROL_KERNELS must be 'compiled' or 'lapack', but is '{_wish}'")
 
 if TYPE_CHECKING or _wish == "lapack":
-    from phcontrol.mechanics._lapack import (
-        factor,
-        feedback,
-        momentum_derivative,
-        relative_factor_rate,
-        solve,
-        solve_transposed,
-        transformed_rate,
-    )
-
-    KERNELS = "lapack"
+    from phcontrol.mechanics import _lapack as _chosen
 else:
     try:
-        from phcontrol.mechanics._compiled import (
-            factor,
-            feedback,
-            momentum_derivative,
-            relative_factor_rate,
-            solve,
-            solve_transposed,
-            transformed_rate,
-        )
-
-        KERNELS = "compiled"
+        from phcontrol.mechanics import _compiled as _chosen
     except ImportError as error:
         if _wish == "compiled":
             raise ImportError("PHCONTROL_KERNELS is 'compiled', but the kernels were not built") from error
-        from phcontrol.mechanics._lapack import (
-            factor,
-            feedback,
-            momentum_derivative,
-            relative_factor_rate,
-            solve,
-            solve_transposed,
-            transformed_rate,
-        )
+        from phcontrol.mechanics import _lapack as _chosen
 
-        KERNELS = "lapack"
+KERNELS = _chosen.__name__.rpartition("._")[-1]
+"""Which kernels are in use: "compiled" or "lapack"."""
+
+factor = _chosen.factor
+feedback = _chosen.feedback
+momentum_derivative = _chosen.momentum_derivative
+relative_factor_rate = _chosen.relative_factor_rate
+solve = _chosen.solve
+solve_transposed = _chosen.solve_transposed
+transformed_rate = _chosen.transformed_rate
