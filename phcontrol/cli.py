@@ -561,7 +561,16 @@ def _goal(system: MechanicalSystem, goal: str | None, target: str | None, frame:
     """Return the joint positions that --goal or --reach asks for; None for neither."""
     robot = system.robot
     if target is None:
-        return None if goal is None else robot.position(_by_joint("--goal", goal))
+        if goal is None:
+            return None
+        posture = robot.position(_by_joint("--goal", goal), "--goal")
+        for joint in ((posture < robot.lower) | (posture > robot.upper)).nonzero()[0]:
+            typer.echo(
+                f"note: --goal puts joint '{robot.joint_names[joint]}' at {posture[joint]:g}, outside its limits "
+                f"{robot.lower[joint]:g} to {robot.upper[joint]:g}",
+                err=True,
+            )
+        return posture
     if goal is not None:
         raise InvalidArgumentError("--reach", "and --goal are two goals: give one of them")
     point = _by_joint("--reach", target)

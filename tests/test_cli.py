@@ -191,7 +191,7 @@ def test_listings(command):
         (["certify", "--robot", "panda", "--lock", "finger"], "error: unknown joint 'finger' of panda"),
         (["run", "position", *QUICK, "--dt", "0"], "error: dt: must be > 0"),
         (["run", "position", *QUICK, "--goal", "1,2,x"], "error: --goal: must be angles"),
-        (["run", "position", *QUICK, "--goal", "1,2,3"], "error: position: must have shape (2,)"),
+        (["run", "position", *QUICK, "--goal", "1,2,3"], "error: --goal: must have shape (2,)"),
         (["run", "position", *QUICK, "--goal", "elbow=1"], "error: unknown joint 'elbow'"),
         (["run", "position", *QUICK, "--set", "stiffness=-1"], "error: stiffness: must be positive definite"),
         (["run", "position", *QUICK, "--set", "stifness=1"], "Did you mean 'stiffness'?"),
@@ -284,6 +284,7 @@ def test_view_serves_until_interrupted(tmp_path):
         process = subprocess.Popen(
             [sys.executable, "-m", "phcontrol.cli", *command, "--port", "0"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
         )  # fmt: skip
         lines = []
         for line in process.stdout:

@@ -9,7 +9,7 @@ import numpy as np
 
 from phcontrol._differences import central_difference
 from phcontrol._validation import Array, count
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 from phcontrol.simulation.log import Log
@@ -132,6 +132,7 @@ def certify(
         log: a run under the law; then what its claim rests on (``Controller.conditions``) is checked at each
             sample of it too, not only at the goal.
     """
+    check_loop(controller, controller.system if system is None and isinstance(controller, Controller) else system)
     count("samples", samples)
     plant = controller.system if system is None else system
     generator = np.random.default_rng(seed)

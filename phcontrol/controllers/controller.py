@@ -285,6 +285,14 @@ class Controller(ABC):
         return cls(system, interconnection=interconnection, **gains)
 
 
+def check_loop(controller: object, system: object) -> None:
+    """Raise InvalidArgumentError unless these are a Controller and a MechanicalSystem."""
+    if not isinstance(controller, Controller):
+        raise InvalidArgumentError("controller", f"must be a Controller, but is {type(controller).__name__}")
+    if not isinstance(system, MechanicalSystem):
+        raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+
+
 def inertia_scaled_gains(system: MechanicalSystem, goal: Array, frequency: float = 4.0) -> tuple[Array, Array]:
     """Return stiffness [N·m/rad] and damping [N·m·s/rad], one each joint, that suit a robot at a goal.
 

@@ -105,14 +105,17 @@ class Robot:
         kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
         return tuple(frame.name for frame in self.model.frames if frame.type in kinds)
 
-    def position(self, joints: dict[str, float] | ArrayLike) -> Array:
-        """Return a position vector from an array, or from angles by joint name (others at home)."""
+    def position(self, joints: dict[str, float] | ArrayLike, name: str = "position") -> Array:
+        """Return a position vector from an array, or from angles by joint name (others at home).
+
+        ``name`` is what errors call it.
+        """
         if not isinstance(joints, dict):
-            return vector("position", joints, self.n)
+            return vector(name, joints, self.n)
         position = np.array(self.home)
-        for name, value in joints.items():
-            position[self.joint_index(name)] = value
-        return vector("position", position, self.n)
+        for joint, value in joints.items():
+            position[self.joint_index(joint)] = value
+        return vector(name, position, self.n)
 
     def difference(self, position: Array, target: Array) -> Array:
         """Return position ⊖ target, shape (n,) [rad]; in continuous joints wrapped to (−π, π]."""

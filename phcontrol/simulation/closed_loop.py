@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from phcontrol._validation import Array, choice, per_joint, positive, sequence, vector, whole_multiple
 from phcontrol._version import __version__
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.environments.body import Body
 from phcontrol.exceptions import (
     InvalidArgumentError,
@@ -88,6 +88,7 @@ def simulate(
         SimulationError: the run diverged or the controller failed; carries the log so far.
         SimulationInterrupted: the run was stopped from the keyboard; carries the log so far.
     """
+    check_loop(controller, system)
     dt, duration = positive("dt", dt), positive("duration", duration)
     bodies = sequence("bodies", bodies, "bodies")
     if sensors is not None:

@@ -15,6 +15,7 @@ from phcontrol import (
     SimulationError,
     SimulationInterrupted,
     UnknownNameError,
+    certify,
     load_robot,
     make_controller,
     simulate,
@@ -186,3 +187,15 @@ def test_a_controller_for_another_arm_is_refused(shoulder):
     other = MechanicalSystem(load_robot("pera_gripper"))
     with pytest.raises(InvalidArgumentError, match="controller: is for 1 joints, the system has 2"):
         simulate(shoulder, make_controller("energy_shaping", other), duration=0.1)
+
+
+def test_a_robot_in_place_of_a_system_is_named(shoulder):
+    law = make_controller("energy_shaping", shoulder)
+    with pytest.raises(InvalidArgumentError, match="system: must be a MechanicalSystem, but is Robot"):
+        simulate(shoulder.robot, law, duration=0.1)
+    with pytest.raises(InvalidArgumentError, match="controller: must be a Controller, but is MechanicalSystem"):
+        simulate(law, shoulder, duration=0.1)
+    with pytest.raises(InvalidArgumentError, match="controller: must be a Controller, but is MechanicalSystem"):
+        certify(shoulder, law)
+    with pytest.raises(InvalidArgumentError, match="system: must be a MechanicalSystem, but is Robot"):
+        certify(law, shoulder.robot)
