@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, choice, vector
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.vision.scene import Scene
 
@@ -107,8 +107,7 @@ class Controller(ABC):
     """The choices of J̄₂ that the law knows."""
 
     def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
-        if not isinstance(system, MechanicalSystem):
-            raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+        check_system(system)
         self.system = system
         self.interconnection = choice("interconnection", interconnection, self.forms)
         self._canonical = self.interconnection == "canonical"
@@ -289,8 +288,7 @@ def check_loop(controller: object, system: object) -> None:
     """Raise InvalidArgumentError unless these are a Controller and a MechanicalSystem."""
     if not isinstance(controller, Controller):
         raise InvalidArgumentError("controller", f"must be a Controller, but is {type(controller).__name__}")
-    if not isinstance(system, MechanicalSystem):
-        raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+    check_system(system)
 
 
 def inertia_scaled_gains(system: MechanicalSystem, goal: Array, frequency: float = 4.0) -> tuple[Array, Array]:

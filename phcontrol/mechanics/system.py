@@ -22,6 +22,12 @@ from phcontrol.mechanics.state import MechanicalState
 _FLOAT = np.dtype(np.float64)
 
 
+def check_system(system: object) -> None:
+    """Raise InvalidArgumentError unless this is a MechanicalSystem."""
+    if not isinstance(system, MechanicalSystem):
+        raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+
+
 class MechanicalSystem:
     """The plant M(q)q̈ + C(q,q̇)q̇ + D(q̇)q̇ + ∂V/∂q = G u + f_e, thesis (2.2) with errata E2.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phcontrol._validation import Array
 
@@ -88,20 +89,35 @@ def active_set_step(
 ) -> tuple[Array, Array] | None:
     """Return x and multipliers with the active constraints of the given ones as equations; None if singular."""
     n = x.size
-    identity = np.eye(n)
-    constraints = np.vstack([rows, identity])
-    wanted = constraints.dot(x) + multipliers
-    above, below = wanted > np.append(upper, highest), wanted < np.append(lower, lowest)
-    active = np.flatnonzero(above | below)
-    A = constraints[active]
-    b = np.where(above, np.append(upper, highest), np.append(lower, lowest))[active]
-    if active.size > n:
+    active, equations, right = active_equations(hessian, gradient, rows, lower, upper, lowest, highest, x, multipliers)
+    if active.size > n or np.linalg.cond(equations) > 1e12:
         return None
-    H = identity if hessian is None else hessian
-    equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
-    if np.linalg.cond(equations) > 1e12:
-        return None
-    solution = np.linalg.solve(equations, np.append(-gradient, b))
+    solution: Array = np.asarray(np.linalg.solve(equations, right), dtype=float)
     found = np.zeros_like(multipliers)
     found[active] = solution[n:]
     return solution[:n], found
+
+
+def active_equations(
+    hessian: Array | None,
+    gradient: Array,
+    rows: Array,
+    lower: Array,
+    upper: Array,
+    lowest: Array,
+    highest: Array,
+    x: Array,
+    multipliers: Array,
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return which constraints x and multipliers say are active, and [[H, Aᵀ], [A, 0]] and [−g; b] with them."""
+    identity = np.eye(x.size)
+    constraints = np.vstack([rows, identity])
+    low, high = np.append(lower, lowest), np.append(upper, highest)
+    wanted = constraints.dot(x) + multipliers
+    above, below = wanted > high, wanted < low
+    active = np.flatnonzero(above | below)
+    A, b = constraints[active], np.where(above, high, low)[active]
+    H = identity if hessian is None else hessian
+    equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
+    right: Array = np.append(-gradient, b)
+    return active, equations, right

@@ -10,6 +10,7 @@ from proxsuite import proxqp
 
 from phcontrol._validation import Array
 from phcontrol.safety import kernels
+from phcontrol.safety._numpy import active_equations
 
 ACCURACY = 1e-10
 """What is asked of the solver, in scaled units."""
@@ -57,6 +58,11 @@ class Problem(NamedTuple):
         They are z = clip(z − (H z + g + Cᵀλ), a, b) and C z = clip(C z + λ, l, u): true at the optimum and only there.
         """
         return kernels.residuals(*self, z, multipliers)
+
+    def accepted(self, x: Array, multipliers: Array) -> Array | None:
+        """Return x clipped to the box if that, with these multipliers (rows, then box), is the optimum, else None."""
+        z: Array = np.minimum(np.maximum(x, self.lowest), self.highest)
+        return z if self.accepts(z, multipliers[: self.lower.size]) else None
 
     def accepts(self, z: Array, multipliers: Array) -> bool:
         """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
@@ -125,10 +131,9 @@ class QuadraticProgram:
         self.multipliers = multipliers
         if size != 1.0:
             self.multipliers = multipliers = size * multipliers
-        z: Array = np.minimum(np.maximum(x, problem.lowest), problem.highest)
-        accepted = problem.accepts(z, multipliers[: self._m])
-        self._warm = accepted and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
-        if accepted:
+        z = problem.accepted(x, multipliers)
+        self._warm = z is not None and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
+        if z is not None:
             self._last = z, np.array(multipliers)
             return z
         self._last = None
@@ -142,40 +147,28 @@ class QuadraticProgram:
         step = kernels.active_set_step(*problem, x, multipliers)
         if step is None:
             return None
-        x, multipliers = step
-        z: Array = np.minimum(np.maximum(x, problem.lowest), problem.highest)
-        if not problem.accepts(z, multipliers[: self._m]):
-            return None
-        self._last, self.multipliers = step, multipliers
-        return z
+        answer = problem.accepted(*step)
+        if answer is not None:
+            self._last, self.multipliers = step, step[1]
+        return answer
 
 
 def corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
     """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
-    m = problem.lower.size
     for _ in range(_MOST_CORRECTIONS):
         x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
             problem, x, multipliers
         )
-        z = np.minimum(np.maximum(x, problem.lowest), problem.highest)
-        if problem.accepts(z, multipliers[:m]):
+        z = problem.accepted(x, multipliers)
+        if z is not None:
             return z
     return None
 
 
 def _least_squares_step(problem: Problem, x: Array, multipliers: Array) -> tuple[Array, Array]:
     """Return what ``kernels.active_set_step`` does, where the active constraints depend on each other."""
-    n = x.size
-    identity = np.eye(n)
-    rows = np.vstack([problem.rows, identity])
-    lower, upper = np.append(problem.lower, problem.lowest), np.append(problem.upper, problem.highest)
-    wanted = rows.dot(x) + multipliers
-    above, below = wanted > upper, wanted < lower
-    active = np.flatnonzero(above | below)
-    A, b = rows[active], np.where(above, upper, lower)[active]
-    H = identity if problem.hessian is None else problem.hessian
-    equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
-    solution = np.linalg.lstsq(equations, np.append(-problem.gradient, b), rcond=1e-13)[0]
+    active, equations, right = active_equations(*problem, x, multipliers)
+    solution: Array = np.asarray(np.linalg.lstsq(equations, right, rcond=1e-13)[0], dtype=float)
     found = np.zeros_like(multipliers)
-    found[active] = solution[n:]
-    return solution[:n], found
+    found[active] = solution[x.size :]
+    return solution[: x.size], found

@@ -14,7 +14,7 @@ from phcontrol._validation import Array, gain, positive
 from phcontrol.controllers.controller import PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_program import Problem, QuadraticProgram, corrected
@@ -110,8 +110,7 @@ class TorqueFilter:
         metric: Literal["effort", "inertia"] | ArrayLike = "effort",
         storage: bool = True,
     ) -> None:
-        if not isinstance(system, MechanicalSystem):
-            raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+        check_system(system)
         self.system = system
         self.period = positive("period", period)
         self.limits = Limits(system) if limits is None else limits

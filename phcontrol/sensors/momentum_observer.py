@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phcontrol._validation import Array, positive
-from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,7 @@ class MomentumObserver:
     quantity = "external_force"
 
     def __init__(self, system: MechanicalSystem, gain: float = 50.0, *, period: float | None = None) -> None:
-        if not isinstance(system, MechanicalSystem):
-            raise InvalidArgumentError("system", f"must be a MechanicalSystem, but is {type(system).__name__}")
+        check_system(system)
         self.system = system
         self.gain = positive("gain", gain)
         self.period = None if period is None else positive("period", period)

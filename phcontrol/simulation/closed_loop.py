@@ -95,6 +95,8 @@ def simulate(
         sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
     if scene is not None and not hasattr(scene, "state_size"):
         raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
+    if watch is not None and not callable(watch):
+        raise InvalidArgumentError("watch", f"must be callable with the log, but is {type(watch).__name__}")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
     if controller.system.n != system.n:
         raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")

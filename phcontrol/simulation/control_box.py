@@ -92,9 +92,7 @@ class ControlBox:
         x = system.state_type(system, y[:n], y[n:])
         torque = self._torque
         if braking:
-            torque = x.potential_gradient - self._damping * x.velocity
-            if system.input_matrix is not None:
-                torque = np.asarray(np.linalg.solve(system.input_matrix, torque))
+            torque = system.motor_torque(x.potential_gradient - self._damping * x.velocity)
             limit = system.robot.effort_limit
             torque = np.minimum(np.maximum(torque, -limit), limit)
         force = None if self._disturbance is None else self._disturbance(t, x)

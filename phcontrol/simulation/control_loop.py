@@ -216,10 +216,7 @@ class ControlLoop:
         assert self._last is not None
         if self._strange_in_a_row >= _STRANGE_IN_A_ROW:
             return False  # it is there for good; the loop has stopped and starts from there
-        moved = np.abs(q - self._last[0])
-        if self.system.has_continuous_joints:
-            turned = np.where(self.system.robot.continuous, np.remainder(moved, 2.0 * np.pi), moved)
-            moved = np.where(self.system.robot.continuous, np.minimum(turned, 2.0 * np.pi - turned), moved)
+        moved = np.abs(self.system.robot.difference(q, self._last[0]))
         reach = np.maximum(self._fastest, np.abs(self._last[1])) * (elapsed + self.period)
         return bool((moved > reach).any() or (np.abs(v) > 5.0 * self._fastest).any())
 
@@ -267,8 +264,7 @@ class ControlLoop:
     def _holding(self, x: MechanicalState, stale: bool) -> Array:
         """Return the torque that carries the arm's weight and damps its motion."""
         force = x.potential_gradient if stale else x.potential_gradient - self._damping * x.velocity
-        system = x.system
-        return force if system.input_matrix is None else np.asarray(np.linalg.solve(system.input_matrix, force))
+        return x.system.motor_torque(force)
 
     def _passed(self, x: MechanicalState, torque: Array, measured: Measured) -> Array:
         """Return a torque that is not the law's after filter and limits."""
