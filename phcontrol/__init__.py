@@ -46,8 +46,9 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
-from phcontrol.safety.torque_filter import FilteredTorque, FilterStatus, TorqueFilter
+from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured

@@ -101,8 +101,8 @@ class ClassicalImpedance(Controller):
         return x.kinetic_energy + float(0.5 * error.dot(self.stiffness.dot(error)))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return y and q̇ᵀK_d q̇: friction is cancelled."""
-        return PassivePort(x.output, float(x.velocity.dot(self.damping.dot(x.velocity))))
+        """Return y, q̇ᵀK_d q̇, and K_d q̇: friction is cancelled."""
+        return PassivePort.of(x, x.velocity, self.damping.dot(x.velocity))
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q − q_f, p̄)."""

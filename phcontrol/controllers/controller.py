@@ -40,6 +40,34 @@ class PassivePort(NamedTuple):
     """ŷ = Ḡᵀp̂, shape (n,) [rad/s]."""
     dissipated_power: float
     """∇H_dᵀR_d∇H_d ≥ 0 [W]."""
+    resistance: Array
+    """½∂(dissipated_power)/∂q̇ at a fixed D(q̇), shape (n,) [N·m]: the force by which the law, and friction, damp."""
+
+    @classmethod
+    def of(
+        cls,
+        x: MechanicalState,
+        velocity: Array,
+        injected: Array,
+        sliding: Array | None = None,
+        further_losses: float = 0.0,
+    ) -> PassivePort:
+        """Return the port of a law whose closed loop dissipates vᵀ(injected) + wᵀD(q̇)w + further losses.
+
+        Args:
+            x: the state.
+            velocity: v = T⁻ᵀp̂, shape (n,) [rad/s].
+            injected: the injected damping's force, mostly G C Gᵀv, shape (n,) [N·m].
+            sliding: w, the velocity with which friction appears in the closed loop; None where it is cancelled.
+            further_losses: what does not depend on q̇ [W].
+        """
+        matrix = x.system.input_matrix
+        output = velocity if matrix is None else matrix.T.dot(velocity)
+        power = further_losses + velocity.dot(injected)
+        if sliding is not None and x.damping is not None:
+            friction = x.damping * sliding
+            power, injected = power + sliding.dot(friction), injected + friction
+        return cls(output, float(power), injected)
 
 
 class Shaping(NamedTuple):
@@ -136,18 +164,24 @@ class Controller(ABC):
         """Return the promised closed loop at one state."""
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ and the power that the promised closed loop dissipates, ∇H_dᵀR_d∇H_d.
+        """Return ŷ, the power that the promised closed loop dissipates, ∇H_dᵀR_d∇H_d, and the force that takes it.
 
-        Here from target and storage function: H_d is quadratic in q̇, so that ŷ = GᵀM⁻¹∂H_d/∂q̇ comes out exactly from
-        central differences of any length. Laws give both in closed form, which is faster.
+        Here from target and storage function: H_d and, with R_d held, the dissipated power are quadratic in q̇, so that
+        ŷ = GᵀM⁻¹∂H_d/∂q̇ and the resistance come out exactly from central differences of any length. Laws give all of
+        it in closed form, which is faster.
         """
-        target = self.target(t, x, state, measured)
-        slope, at = np.empty(x.system.n), x.system.state_type
+        R, at = self.target(t, x, state, measured).dissipation, x.system.state_type
+
+        def losses_and_energy(y: MechanicalState) -> Array:
+            gradient = self.target(t, y, state, measured).gradient
+            return np.array([gradient.dot(R.dot(gradient)), self.storage(t, y, state, measured)])
+
+        slopes = np.empty((x.system.n, 2))
         for joint, unit in enumerate(np.eye(x.system.n)):
             ahead, behind = at(x.system, x.position, x.velocity + unit), at(x.system, x.position, x.velocity - unit)
-            slope[joint] = 0.5 * (self.storage(t, ahead, state, measured) - self.storage(t, behind, state, measured))
-        output = x.input_matrix.T.dot(x.solve_factor_transposed(x.solve_factor(slope)))
-        return PassivePort(output, float(target.gradient.dot(target.dissipation.dot(target.gradient))))
+            slopes[joint] = 0.5 * (losses_and_energy(ahead) - losses_and_energy(behind))
+        output = x.input_matrix.T.dot(x.solve_factor_transposed(x.solve_factor(slopes[:, 1])))
+        return PassivePort(output, float(losses_and_energy(x)[0]), 0.5 * slopes[:, 0])
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the law's own state that makes H_d smallest at a state of the arm; the same if it has no such form.

@@ -77,19 +77,12 @@ class DynamicExtension(Controller):
         spring = self.pull(x)
         driving = spring + self._measurement(measured, "external_force") if self.measured else spring
         state_rate = x.transformed_rate(driving).dot(self._port)
-        output = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        adapted = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
         return Shaping(
-            spring - self._injected(output), offset_rate=self._negative_coupling.dot(state_rate), state_rate=state_rate
+            spring - x.injected_damping(self.damping, adapted),
+            offset_rate=self._negative_coupling.dot(state_rate),
+            state_rate=state_rate,
         )
-
-    def _injected(self, velocity: Array) -> Array:
-        """Return G C Gᵀv, the injected damping at a velocity v = T⁻ᵀp̂ [N·m]."""
-        input_matrix = self.system.input_matrix
-        if input_matrix is None:
-            force: Array = self.damping.dot(velocity)
-        else:
-            force = input_matrix.dot(self.damping.dot(input_matrix.T.dot(velocity)))
-        return force
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + Ψ(q) + ½zᵀK_z⁻¹z [J]."""
@@ -101,10 +94,9 @@ class DynamicExtension(Controller):
         return momentum
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ and q̇ᵀD q̇ + ŷᵀC ŷ."""
-        velocity = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
-        output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
-        return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
+        """Return ŷ, q̇ᵀD q̇ + ŷᵀC ŷ, and D q̇ + G C ŷ."""
+        adapted = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        return PassivePort.of(x, adapted, x.injected_damping(self.damping, adapted), x.velocity)
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄, where ½|p̄ − A z|² + ½zᵀK_z⁻¹z is smallest."""

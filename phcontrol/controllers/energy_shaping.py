@@ -59,8 +59,7 @@ class EnergyShaping(Controller):
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State θ = 0 and the effort −K_p q̃ − G C y."""
-        matrix = self.system.input_matrix
-        injected = self.damping.dot(x.velocity) if matrix is None else matrix.dot(self.damping.dot(x.output))
+        injected = x.injected_damping(self.damping, x.velocity)
         return Shaping(self._negative_stiffness.dot(x.position_error(self.goal)) - injected)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
@@ -69,9 +68,8 @@ class EnergyShaping(Controller):
         return x.kinetic_energy + float(0.5 * error.dot(self.stiffness.dot(error)))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return y and q̇ᵀD q̇ + yᵀC y."""
-        output = x.output
-        return PassivePort(output, float(x.velocity.dot(x.friction_torque) + output.dot(self.damping.dot(output))))
+        """Return y, q̇ᵀD q̇ + yᵀC y, and D q̇ + G C y."""
+        return PassivePort.of(x, x.velocity, x.injected_damping(self.damping, x.velocity), x.velocity)
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q̃, p̄)."""

@@ -132,7 +132,7 @@ class ForceControl(DynamicExtension):
         if approaching and self._is_too_fast(x, leading, state_rate):
             state_rate = np.zeros_like(state_rate)
         return Shaping(
-            driving - self._injected(x.velocity - leading),
+            driving - x.injected_damping(self.damping, x.velocity - leading),
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )

@@ -201,7 +201,7 @@ class HamiltonianServo(VisualServo):
         return energy + float(0.5 * error @ self.stiffness @ error)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return Gᵀv and p̂ᵀ(D̄ + C)p̂ + (Kτ̄)ᵀΔ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹ΓKτ̄."""
+        """Return Gᵀv, p̂ᵀ(D̄ + C)p̂ + (Kτ̄)ᵀΔ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹ΓKτ̄, and (D + T C Tᵀ)v."""
         port, features = super().passive_port(t, x, state, measured), self.seen(measured)
         if features is None:
             return port

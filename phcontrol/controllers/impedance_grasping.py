@@ -120,13 +120,11 @@ class ImpedanceGrasping(Controller):
         return float(0.5 * (momentum.dot(momentum) + spring.dot(error - rest) + rest.dot(rest_force)))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ and |K_p e|² + |K_rl q_rl − K_p e|² + the losses by friction and damping."""
+        """Return ŷ, |K_p e|² + |K_rl q_rl − K_p e|² + the losses by friction and damping, and the force of these."""
         spring, rest_force, adapted = self._parts(x, state)
-        output, yielding = x.input_matrix.T.dot(adapted), rest_force - spring
-        power = spring.dot(spring) + yielding.dot(yielding) + output.dot(self.damping.dot(output))
-        if x.damping is not None:
-            power += adapted.dot(x.damping * adapted)
-        return PassivePort(output, float(power))
+        yielding = rest_force - spring
+        injected = x.injected_damping(self.damping, adapted)
+        return PassivePort.of(x, adapted, injected, adapted, spring.dot(spring) + yielding.dot(yielding))
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the rest length where ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl is smallest."""

@@ -88,7 +88,7 @@ class IntegralAction(ForceFeedback):
         state_rate = (x.solve_factor(spring) + motion).dot(self._port)
         output = x.velocity + shift - x.solve_factor_transposed(self.coupling.dot(force_state))
         return Shaping(
-            effort=spring - self._injected(output) - integral,
+            effort=spring - x.injected_damping(self.damping, output) - integral,
             velocity=shift,
             acceleration=shift_rate,
             offset_rate=self._negative_coupling.dot(state_rate),
@@ -106,15 +106,13 @@ class IntegralAction(ForceFeedback):
         return float(0.5 * (quadratic + integral.dot(integral))) + self.potential(x)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ and q̃ᵀK_pK_i q̃ + (q̇ + K_i q̃)ᵀD(q̇ + K_i q̃) + ŷᵀC ŷ."""
+        """Return ŷ, q̃ᵀK_pK_i q̃ + wᵀD w + ŷᵀC ŷ with w = q̇ + K_i q̃, and D w + G C ŷ."""
         error = x.position_error(self.goal)
-        shifted = x.velocity + self.integral_gain.dot(error)
-        velocity = shifted - x.solve_factor_transposed(self.coupling.dot(self._split(state)[0]))
-        output = velocity if self.system.input_matrix is None else self.system.input_matrix.T.dot(velocity)
-        power = self.stiffness.dot(error).dot(shifted - x.velocity) + output.dot(self.damping.dot(output))
-        if x.damping is not None:
-            power += shifted.dot(x.damping * shifted)
-        return PassivePort(output, float(power))
+        shift = self.integral_gain.dot(error)
+        shifted = x.velocity + shift
+        adapted = shifted - x.solve_factor_transposed(self.coupling.dot(self._split(state)[0]))
+        injected = x.injected_damping(self.damping, adapted)
+        return PassivePort.of(x, adapted, injected, shifted, self.stiffness.dot(error).dot(shift))
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the z that makes ½|p̃|² + ½zᵀK_z⁻¹z smallest, and ξ as it is: it holds the load."""

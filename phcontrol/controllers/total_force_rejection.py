@@ -43,8 +43,8 @@ class TotalForceRejection(EnergyShaping):
         return Shaping(held + inertial - self._measurement(measured, "total_force") - x.potential_gradient)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return y and yᵀC y: friction is cancelled."""
-        return PassivePort(x.output, float(x.output.dot(self.damping.dot(x.output))))
+        """Return y, yᵀC y, and G C y: friction is cancelled."""
+        return PassivePort.of(x, x.velocity, x.injected_damping(self.damping, x.velocity))
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q̃, p̄); no port is left for f_e."""

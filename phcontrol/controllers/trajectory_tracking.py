@@ -162,13 +162,9 @@ class TrajectoryTracking(Controller):
         return float(0.5 * (momentum.dot(momentum) + error.dot(self.stiffness.dot(error))))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return Gᵀv and vᵀ(D + G C_d Gᵀ)v, v = q̇ − q̇_d."""
+        """Return Gᵀv, vᵀ(D + G C_d Gᵀ)v, and (D + G C_d Gᵀ)v, v = q̇ − q̇_d."""
         slip = x.velocity - self.trajectory.at(t).velocity
-        losses = slip.dot(self._joint_damping.dot(slip))
-        if x.damping is not None:
-            losses += slip.dot(x.damping * slip)
-        matrix = self.system.input_matrix
-        return PassivePort(slip if matrix is None else matrix.T.dot(slip), float(losses))
+        return PassivePort.of(x, slip, self._joint_damping.dot(slip), slip)
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return (q̃, p̂)."""

@@ -152,15 +152,10 @@ class VisualServo(Controller):
         return float(0.5 * momentum.dot(momentum))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return Gᵀv and p̂ᵀ(D̄ + C)p̂, v = T⁻ᵀp̂ = q̇ + s."""
+        """Return Gᵀv, p̂ᵀ(D̄ + C)p̂, and (D + T C Tᵀ)v, v = T⁻ᵀp̂ = q̇ + s."""
         features = self.seen(measured)
         motion = x.velocity if features is None else x.velocity + self.servo_velocity(x, features)
-        momentum = motion.dot(x.factor)
-        losses = momentum.dot(self.damping.dot(momentum))
-        if x.damping is not None:
-            losses += motion.dot(x.damping * motion)
-        matrix = self.system.input_matrix
-        return PassivePort(motion if matrix is None else matrix.T.dot(motion), float(losses))
+        return PassivePort.of(x, motion, x.factor.dot(self.damping.dot(motion.dot(x.factor))), motion)
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return p̂, to which a law may add."""

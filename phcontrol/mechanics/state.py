@@ -99,6 +99,12 @@ class MechanicalState:
         torque: Array = np.zeros(self.system.n) if self.damping is None else self.damping * self.velocity
         return torque
 
+    def injected_damping(self, damping: Array, velocity: Array) -> Array:
+        """Return G C Gᵀv for an injected damping C and a velocity v [rad/s], shape (n,) [N·m]."""
+        matrix = self.system.input_matrix
+        force: Array = damping.dot(velocity) if matrix is None else matrix.dot(damping.dot(matrix.T.dot(velocity)))
+        return force
+
     @lazy
     def damping_matrix(self) -> Array:
         """D(q̇), shape (n, n), diagonal [N·m·s/rad]."""

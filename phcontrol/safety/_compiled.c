@@ -70,6 +70,22 @@ static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_s
   return result;
 }
 
+PyDoc_STRVAR(bound_excess_doc, "bound_excess(velocity, lowest, highest)\n--\n\n"
+                               "Return by how much a velocity leaves its bounds, 0 inside; NaN when there is one inside.");
+static PyObject *bound_excess(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 3);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "lowest") &&
+                is_dense(arguments[2], n, "highest"));
+  const double *velocity = values_of(arguments[0]), *low = values_of(arguments[1]), *high = values_of(arguments[2]);
+  double most = 0.0;
+  for (npy_intp i = 0; i < n; i++) {
+    double above = velocity[i] - high[i], below = low[i] - velocity[i], excess = above > below ? above : below;
+    if (isnan(above) || isnan(below)) return PyFloat_FromDouble(NAN);
+    if (excess > most) most = excess;
+  }
+  return PyFloat_FromDouble(most);
+}
+
 PyDoc_STRVAR(motion_rows_doc,
              "motion_rows(effect, reach, centre, drift, lowest, highest, braking, room, rows, lower, upper)\n--\n\n"
              "Write the first n rows of the program and their bounds, of length one.");
@@ -265,7 +281,7 @@ done:
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {
-    METHOD(speed_bounds), METHOD(motion_rows), METHOD(residuals), METHOD(active_set_step), {NULL, NULL, 0, NULL}};
+    METHOD(speed_bounds), METHOD(bound_excess), METHOD(motion_rows), METHOD(residuals), METHOD(active_set_step), {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",
                                         "The small linear algebra of the torque filter, compiled.", -1, methods};

@@ -33,6 +33,11 @@ def speed_bounds(
     return -bound[n:], bound[:n]
 
 
+def bound_excess(velocity: Array, lowest: Array, highest: Array) -> float:
+    """Return by how much a velocity leaves its bounds, 0 inside; NaN when there is one inside."""
+    return max(float(np.maximum(velocity - highest, lowest - velocity).max()), 0.0)
+
+
 def motion_rows(
     effect: Array,
     reach: Array,

@@ -48,10 +48,6 @@ class Problem(NamedTuple):
     highest: Array
     """b, shape (n,)."""
 
-    def without_last_row(self, gradient: Array) -> Problem:
-        """Return the problem with one row less and another gradient."""
-        return self._replace(gradient=gradient, rows=self.rows[:-1], lower=self.lower[:-1], upper=self.upper[:-1])
-
     def residuals(self, z: Array, multipliers: Array) -> tuple[float, float]:
         """Return by how much z and the rows' multipliers λ miss the two conditions of optimality.
 
@@ -140,7 +136,7 @@ class QuadraticProgram:
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             self.reset()
             return None
-        return corrected(problem, x, multipliers)
+        return self._corrected(problem, x, multipliers)
 
     def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum if the constraints that were active last are so again; None otherwise."""
@@ -152,17 +148,17 @@ class QuadraticProgram:
             self._last, self.multipliers = step, step[1]
         return answer
 
-
-def corrected(problem: Problem, x: Array, multipliers: Array) -> Array | None:
-    """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
-    for _ in range(_MOST_CORRECTIONS):
-        x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
-            problem, x, multipliers
-        )
-        z = problem.accepted(x, multipliers)
-        if z is not None:
-            return z
-    return None
+    def _corrected(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
+        """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
+        for _ in range(_MOST_CORRECTIONS):
+            x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
+                problem, x, multipliers
+            )
+            z = problem.accepted(x, multipliers)
+            if z is not None:
+                self.multipliers = multipliers
+                return z
+        return None
 
 
 def _least_squares_step(problem: Problem, x: Array, multipliers: Array) -> tuple[Array, Array]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from enum import IntEnum
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,34 +14,18 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
+from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram, corrected
+from phcontrol.safety.quadratic_constraint import QuadraticConstraint
+from phcontrol.safety.storage_condition import StorageCondition
+from phcontrol.safety.torque_program import TorqueProgram
 
 _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _UNBOUNDED = 1e20  # what ProxQP takes for no bound
-_INSISTENCE = 1e4  # weight of the storage condition against distance, once it cannot be met
-_SEARCH_STEPS = 40  # for the right weight, where the solver fails otherwise
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
-
-
-class FilterStatus(IntEnum):
-    """How a torque was found."""
-
-    PASSED = 0
-    """The law's torque, unchanged."""
-    CLIPPED = 1
-    """Its projection on effort and rate limits, in closed form; nothing else was in the way."""
-    SOLVED = 2
-    """The quadratic program's answer: every condition is met."""
-    FEASIBLE = 3
-    """Every condition is met, but the solver failed and a nearer torque may exist: the best of a search."""
-    STORAGE_GIVEN_UP = 4
-    """The quadratic program's answer where the storage condition cannot be met with the limits."""
-    FALLBACK = 5
-    """The solver gave no answer that passed the check: braking torque, clipped."""
 
 
 class FilteredTorque(NamedTuple):
@@ -55,7 +37,7 @@ class FilteredTorque(NamedTuple):
     motion_excess: float
     """By how much the predicted next velocity leaves its bounds, ≥ 0 [rad/s]: 0 wherever the motors can do it."""
     storage_excess: float
-    """max(0, ŷᵀ(u − u★) − dissipated power) [W]."""
+    """By how much the mean rate of H_d in the period exceeds what :class:`StorageCondition` allows, ≥ 0 [W]."""
 
 
 class _Motion(NamedTuple):
@@ -77,20 +59,20 @@ class TorqueFilter:
         1. |u| ≤ effort                                always, exactly
         2. |u − u_previous| ≤ h · torque rate          always, exactly
         3. v_min ≤ v⁺ ≤ v_max                          as far as the braking torque can keep it
-        4. ŷᵀ(u − u★) ≤ ∇H_dᵀR_d∇H_d                  unless 1 to 3 forbid it
+        4. P(u) ≤ max(0, P(u★))                        unless 1 to 3 forbid it
 
     v⁺ = q̇ + h(M + hD)⁻¹(G u + f_e − C q̇ − D q̇ − ∂V/∂q) is the velocity after one period h, and its bounds are those of
     :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position limits.
-    Along the loop Ḣ_d = −∇H_dᵀR_d∇H_d + ŷᵀ(u − u★) + (power of f_e), so by 4 the storage function still does not grow
-    by itself.
+    P is the mean rate of H_d over the period, but for the power of f_e, see :class:`StorageCondition`: by 4 the storage
+    function still does not grow by itself.
 
     Where 3 cannot be kept with 1 and 2, its bounds are widened to what the braking torque reaches: the torque that
     brings q̇ into the bounds (or damps it) as far as the motors can. So 1 to 3 always have a solution. Where 4 cannot be
-    kept, the answer weighs ŷᵀu with 10⁴ against the scaled distance, which brings it to the smallest excess there is.
+    kept, the answer weighs P with 10⁶ against the scaled distance, which brings it to the smallest excess there is.
 
-    Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise ProxQP solves the scaled problem,
-    started from its last answer; the residual of the optimality conditions is checked, and an answer that does
-    not pass is replaced by the braking torque and reported.
+    Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise :class:`TorqueProgram` solves the scaled
+    problem, started from its last answer; the residual of the optimality conditions is checked, and an answer that
+    does not pass is replaced by the braking torque and reported.
 
     Args:
         system: the model of the arm.
@@ -137,9 +119,7 @@ class TorqueFilter:
         else:
             self._metric = np.array(gain("metric", metric, n))
         self._inverse_input = None if system.input_matrix is None else np.linalg.inv(system.input_matrix)
-        self._program, self._insisting = QuadraticProgram(n, n + 1), QuadraticProgram(n, n)
-        self._rows = np.zeros((n + 1, n))
-        self._row_lower, self._row_upper = np.zeros(n + 1), np.zeros(n + 1)
+        self._program = TorqueProgram(n)
         self._identity = np.eye(n)
         self._is_separable = self._metric is None and not self._inertial
         self.reset()
@@ -152,7 +132,6 @@ class TorqueFilter:
         self.counts: dict[FilterStatus, int] = dict.fromkeys(FilterStatus, 0)
         """How often each status occurred."""
         self._program.reset()
-        self._insisting.reset()
 
     def filter(
         self,
@@ -178,13 +157,16 @@ class TorqueFilter:
         motion = self._motion(x, external_force)
         bounds = self.limits.velocity_bounds(x.position, x.velocity, self.period)
         velocity = self._next_velocity(x, motion, clipped)
-        if (unchanged or self._is_separable) and _excess(velocity, *bounds) == 0.0:
-            excess = 0.0 if unchanged else self._storage_excess(clipped - torque, port)
-            if excess == 0.0:
-                status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
-                self.counts[status] += 1
-                return FilteredTorque(clipped, status, 0.0, 0.0)
-        return self._solve(x, torque, (low, high), motion, bounds, port, clipped, velocity)
+        condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
+        if (
+            (unchanged or self._is_separable)
+            and kernels.bound_excess(velocity, *bounds) == 0.0
+            and (unchanged or condition is None or condition.power(clipped - torque, velocity - x.velocity) <= 0.0)
+        ):
+            status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
+            self.counts[status] += 1
+            return FilteredTorque(clipped, status, 0.0, 0.0)
+        return self._solve(x, torque, (low, high), motion, bounds, condition, clipped, velocity)
 
     def _box(self, previous: Array | None) -> tuple[Array, Array]:
         """Return the lowest and the highest torque by effort and rate [N·m]."""
@@ -216,12 +198,6 @@ class TorqueFilter:
         velocity *= self.period
         velocity += x.velocity
         return velocity
-
-    def _storage_excess(self, change: Array, port: PassivePort | None) -> float:
-        """Return max(0, ŷᵀ(u − u★) − dissipated power) [W]."""
-        if port is None or not self.storage:
-            return 0.0
-        return max(0.0, float(port.output.dot(change)) - port.dissipated_power)
 
     def _braking(
         self,
@@ -282,40 +258,55 @@ class TorqueFilter:
         box: tuple[Array, Array],
         motion: _Motion,
         bounds: tuple[Array, Array],
-        port: PassivePort | None,
+        condition: StorageCondition | None,
         clipped: Array,
         velocity: Array,
     ) -> FilteredTorque:
-        n, rows, lower, upper = self.system.n, self._rows, self._row_lower, self._row_upper
+        program = self._program
         centre, reach, highest = self._scaling(box)
+        farthest = _FARTHEST * reach
+        wish = np.minimum(np.maximum(wish, centre - farthest), centre + farthest)
         matrix = self.system.input_matrix
         effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
         effect *= self.period
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
         braking = self._braking(x, motion, bounds, box, drift, effect)
-        kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, rows, lower, upper)
+        lower, upper = program.lower, program.upper
+        kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, program.rows, lower, upper)
         if self._has_infinite_bounds:
             np.maximum(lower, -_UNBOUNDED, out=lower)
             np.minimum(upper, _UNBOUNDED, out=upper)
         hessian = self._hessian(motion, reach)
-        target = (wish - centre) / reach
-        np.minimum(np.maximum(target, -_FARTHEST, out=target), _FARTHEST, out=target)
-        gradient = -target if hessian is None else -hessian.dot(target)
-        direction, length = self._storage_direction(port, reach)
-        possible = True
-        if port is not None and length:
-            extent = float(np.abs(direction).dot(highest))
-            bound = float(direction.dot(target)) + port.dissipated_power / length
-            possible = -extent <= bound
-            rows[n], lower[n], upper[n] = direction, min(-extent, bound) - 1.0, min(bound, extent + 1.0)
+        gradient = (centre - wish) / reach
+        if hessian is not None:
+            gradient = hessian.dot(gradient)
+        problem = program.problem(hessian, gradient, highest)
+        if condition is None:
+            status, answer = program.solve(problem)
+            torque = self._torque(answer, centre, reach, box, braking)
+            excess, velocity = 0.0, drift + effect.dot(torque)
         else:
-            rows[n], lower[n], upper[n] = 0.0, -1.0, 1.0
-        problem = Problem(hessian, gradient, rows, lower, upper, -highest, highest)
-        status, answer = self._answer(problem, possible, direction if length else None)
-        torque = braking if answer is None else np.minimum(np.maximum(centre + reach * answer, box[0]), box[1])
+            change, kick = clipped - wish, velocity - x.velocity
+            allowed, answer = condition.allowed(kick - effect.dot(change)), None
+            if not program.is_constrained:
+                status, answer = program.solve(problem)
+                torque = self._torque(answer, centre, reach, box, braking)
+                velocity = drift + effect.dot(torque)
+                excess = condition.power(torque - wish, velocity - x.velocity) - allowed
+            if answer is None or excess > 0.0:
+                surplus, slope = condition.power(change, kick) - allowed, condition.slope(change, kick, effect)
+                constraint = _scaled(surplus, slope, condition.curvature(effect), (clipped - centre) / reach, reach)
+                status, answer = program.solve(problem, constraint)
+                torque = self._torque(answer, centre, reach, box, braking)
+                velocity = drift + effect.dot(torque)
+                excess = condition.power(torque - wish, velocity - x.velocity) - allowed
         self.counts[status] += 1
-        motion_excess = _excess(drift + effect.dot(torque), *bounds)
-        return FilteredTorque(torque, status, motion_excess, self._storage_excess(torque - wish, port))
+        return FilteredTorque(torque, status, kernels.bound_excess(velocity, *bounds), max(0.0, excess))
+
+    @staticmethod
+    def _torque(answer: Array | None, centre: Array, reach: Array, box: tuple[Array, Array], braking: Array) -> Array:
+        """Return the torque of an answer z, exactly inside the box; the braking torque without an answer."""
+        return braking if answer is None else np.minimum(np.maximum(centre + reach * answer, box[0]), box[1])
 
     def _scaling(self, box: tuple[Array, Array]) -> tuple[Array, Array, Array]:
         """Return centre and reach of the box [N·m], and the largest z: 1, but where there is no effort limit."""
@@ -328,72 +319,9 @@ class TorqueFilter:
             return centre, reach, np.where(free, _UNBOUNDED, 1.0)
         return centre, reach, self._highest
 
-    def _storage_direction(self, port: PassivePort | None, reach: Array) -> tuple[Array, float]:
-        """Return ŷ for z as a direction and its length [W]; zero and 0 when there is nothing to keep."""
-        if port is not None and self.storage:
-            direction = port.output * reach
-            length = math.sqrt(direction.dot(direction))
-            if length > _NO_LEVER:
-                return direction / length, length
-        return np.zeros(self.system.n), 0.0
 
-    def _answer(self, problem: Problem, possible: bool, direction: Array | None) -> tuple[FilterStatus, Array | None]:
-        """Return z and how it was found. ``possible``: whether effort and rate alone allow the last row."""
-        answer = self._program.solve(problem) if possible else None
-        if answer is not None:
-            return FilterStatus.SOLVED, answer
-        if direction is None:
-            answer = self._program.solve(problem, warm=False)
-            return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
-        insisting = problem.without_last_row(problem.gradient + _INSISTENCE * direction)
-        insisted = self._insisting.solve(insisting)
-        if insisted is None:
-            insisted = self._insisting.solve(insisting, warm=False)
-        if possible and (insisted is None or not _proves(problem, insisted)):
-            answer = self._program.solve(problem, warm=False)
-            if answer is None and insisted is not None and problem.rows[-1].dot(insisted) <= problem.upper[-1]:
-                return self._by_insistence(problem, direction, insisted)
-            if answer is not None:
-                return FilterStatus.SOLVED, answer
-        return (FilterStatus.FALLBACK if insisted is None else FilterStatus.STORAGE_GIVEN_UP), insisted
-
-    def _by_insistence(self, problem: Problem, direction: Array, insisted: Array) -> tuple[FilterStatus, Array]:
-        """Return z by a search for the weight with which insisting just meets the last row; ``insisted`` meets it."""
-        too_little, enough, answer = 1e-3, _INSISTENCE, insisted
-        for _ in range(_SEARCH_STEPS):
-            weight = math.sqrt(too_little * enough)
-            found = self._insisting.solve(problem.without_last_row(problem.gradient + weight * direction), warm=False)
-            if found is None:
-                break
-            n = found.size
-            multipliers = np.concatenate((self._insisting.multipliers[:n], [weight], self._insisting.multipliers[n:]))
-            exact = corrected(problem, found, multipliers)
-            if exact is not None:
-                return FilterStatus.SOLVED, exact
-            if problem.rows[-1].dot(found) <= problem.upper[-1]:
-                enough, answer = weight, found
-            else:
-                too_little = weight
-        return FilterStatus.FEASIBLE, answer
-
-
-def _excess(velocity: Array, lowest: Array, highest: Array) -> float:
-    """Return by how much a velocity leaves its bounds [rad/s]."""
-    return max(0.0, float((velocity - highest).max()), float((lowest - velocity).max()))
-
-
-def _proves(problem: Problem, answer: Array) -> bool:
-    """Whether an insisting answer z proves that the problem's last row cannot be kept with the others.
-
-    z minimises φ(y) + ρ rᵀy, φ the distance. So any other y has rᵀy ≥ rᵀz − (max φ − φ(z))/ρ, the maximum over the box.
-    """
-    row, bound = problem.rows[-1], problem.upper[-1]
-    H = problem.hessian
-    farthest = np.maximum(np.abs(problem.lowest), np.abs(problem.highest))
-    if H is None:
-        near, far = 0.5 * answer.dot(answer), 0.5 * farthest.dot(farthest)
-    else:
-        near, far = 0.5 * answer.dot(H.dot(answer)), 0.5 * farthest.dot(np.abs(H).dot(farthest))
-    near += problem.gradient.dot(answer)
-    far += np.abs(problem.gradient).dot(farthest)
-    return bool(row.dot(answer) - bound > (far - near) / _INSISTENCE)
+def _scaled(excess: float, slope: Array, curvature: Array, centre: Array, reach: Array) -> QuadraticConstraint | None:
+    """Return the storage condition for z, of order one; None where no torque has a lever on H_d."""
+    slope, curvature = slope * reach, curvature * reach * reach[:, None]
+    size = float(np.abs(slope).sum()) + float(curvature.trace())
+    return QuadraticConstraint(centre, excess / size, slope / size, curvature / size) if size > _NO_LEVER else None

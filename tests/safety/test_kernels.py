@@ -65,6 +65,15 @@ def test_motion_rows_bound_the_next_velocity(kernels, seed, size):
     np.testing.assert_array_equal(inside, (values >= lower[:-1]) & (values <= upper[:-1]))
 
 
+@every_implementation
+def test_the_excess_over_bounds_is_the_largest_of_all_joints(kernels):
+    low, high = np.array([-1.0, -2.0, -np.inf]), np.array([1.0, 2.0, np.inf])
+    for velocity, excess in (
+        ([0.5, -2.0, 1e9], 0.0), ([1.5, 0.0, 0.0], 0.5), ([1.5, -2.75, 0.0], 0.75), ([0.0, np.nan, 0.0], np.nan)
+    ):  # fmt: skip
+        np.testing.assert_equal(kernels.bound_excess(np.array(velocity), low, high), excess)
+
+
 def random_problem(seed, *, with_hessian):
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 8)), int(rng.integers(1, 9))

@@ -1,0 +1,158 @@
+"""The torque filter's program: linear bounds, and one convex quadratic condition that may be given up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.safety.filter_status import FilterStatus
+from phcontrol.safety.quadratic_constraint import QuadraticConstraint
+from phcontrol.safety.quadratic_program import ACCEPTED, Problem, QuadraticProgram
+
+_INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
+_MOST_TANGENTS = 8
+_SEARCH_STEPS = 60  # for the right weight, where the tangents fail
+
+
+class TorqueProgram:
+    """min ½zᵀH z + gᵀz subject to l ≤ C z ≤ u, a ≤ z ≤ b and, if possible, a :class:`QuadraticConstraint`.
+
+    By Newton's method: the constraint is replaced by its tangent, its curvature goes with the last multiplier into
+    the objective, and each quadratic program is solved and checked by :class:`QuadraticProgram`. A tangent allows all
+    that the constraint allows, so a program without a solution proves that there is none. Where it cannot be met, or
+    that is not sure, the constraint's left side goes into the objective with a weight of 10⁶ instead, which brings
+    it to within about 10⁻⁵ of its smallest value, and tells whether that is above 0.
+
+    Args:
+        n: number of unknowns; as many rows C.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._n = n
+        self.rows = np.zeros((n + 1, n))
+        """C, to be written before each solution, and a row for the tangent."""
+        self.lower, self.upper = np.zeros(n + 1), np.zeros(n + 1)
+        self._identity = np.eye(n)
+        self._bounded, self._free = QuadraticProgram(n, n + 1), QuadraticProgram(n, n)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last answer."""
+        self._bounded.reset()
+        self._free.reset()
+        self._start: Array | None = None
+        self._weight = 0.0
+        self._gave_up = False
+
+    @property
+    def is_constrained(self) -> bool:
+        """Whether the quadratic constraint was in the way of the last answer, or given up."""
+        return self._gave_up or self._weight > 0.0
+
+    def problem(self, hessian: Array | None, gradient: Array, highest: Array) -> Problem:
+        """Return the problem without a constraint, with ``rows`` and their bounds; the box is |z| ≤ ``highest``."""
+        n = self._n
+        return Problem(hessian, gradient, self.rows[:n], self.lower[:n], self.upper[:n], -highest, highest)
+
+    def solve(self, free: Problem, constraint: QuadraticConstraint | None = None) -> tuple[FilterStatus, Array | None]:
+        """Return z and how it was found; None when no answer passes the check."""
+        if constraint is None:
+            answer = self._solve_free(free)
+            return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
+        insisted = self._insisted(free, constraint) if self._gave_up else None
+        if insisted is not None and _proves(free, constraint, insisted):
+            return FilterStatus.STORAGE_GIVEN_UP, insisted
+        self._gave_up = False
+        answer = self._by_tangents(free, constraint)
+        if answer is not None:
+            return FilterStatus.SOLVED, answer
+        self._start, self._weight = None, 0.0
+        if insisted is None:
+            insisted = self._insisted(free, constraint)
+        if insisted is None:
+            return FilterStatus.FALLBACK, None
+        if constraint.value(insisted) <= 0.0:
+            return self._by_insistence(free, constraint, insisted)
+        self._gave_up = True
+        return FilterStatus.STORAGE_GIVEN_UP, insisted
+
+    def _insisted(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
+        return self._solve_free(self._insisting(free, constraint, _INSISTENCE))
+
+    def _solve_free(self, problem: Problem) -> Array | None:
+        answer = self._free.solve(problem)
+        return self._free.solve(problem, warm=False) if answer is None else answer
+
+    def _by_tangents(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
+        """Return the optimum, or None when there is none or it is not found."""
+        n, rows, lower, upper = self._n, self.rows, self.lower, self.upper
+        z, weight = constraint.centre if self._start is None else self._start, self._weight
+        for _ in range(_MOST_TANGENTS):
+            row, bound, length = constraint.tangent(z)
+            extent = float(np.abs(row).dot(free.highest))
+            if bound < -extent:
+                return None
+            rows[n], lower[n], upper[n] = row, -extent - 1.0, min(bound, extent + 1.0)
+            hessian, gradient = free.hessian, free.gradient
+            if weight > 0.0:
+                bent = weight * constraint.curvature
+                hessian, gradient = bent + (self._identity if hessian is None else hessian), gradient - bent.dot(z)
+            problem = Problem(hessian, gradient, rows, lower, upper, free.lowest, free.highest)
+            answer = self._bounded.solve(problem)
+            if answer is None:
+                answer = self._bounded.solve(problem, warm=False)
+                if answer is None:
+                    return None
+            found = max(0.0, float(self._bounded.multipliers[n])) / length if length else 0.0
+            step = answer - z
+            bend = constraint.curvature.dot(step)
+            # exact: the tangent at z and the weight that it was given are those of the answer
+            if abs(found - weight) * math.sqrt(bend.dot(bend)) <= ACCEPTED and constraint.value(answer) <= ACCEPTED:
+                self._start, self._weight = (answer, found) if found else (None, 0.0)
+                return answer
+            z, weight = answer, found
+        return None
+
+    def _insisting(self, free: Problem, constraint: QuadraticConstraint, weight: float) -> Problem:
+        """Return the problem with the constraint's left side in the objective."""
+        bent = weight * constraint.curvature
+        gradient = free.gradient + weight * constraint.slope - bent.dot(constraint.centre)
+        return free._replace(
+            hessian=bent + (self._identity if free.hessian is None else free.hessian), gradient=gradient
+        )
+
+    def _by_insistence(
+        self, free: Problem, constraint: QuadraticConstraint, answer: Array
+    ) -> tuple[FilterStatus, Array]:
+        """Return z by a search for the weight with which insisting just meets the constraint, as ``answer`` does."""
+        too_little, enough = 1e-6, _INSISTENCE
+        for _ in range(_SEARCH_STEPS):
+            weight = math.sqrt(too_little * enough)
+            found = self._free.solve(self._insisting(free, constraint, weight), warm=False)
+            if found is None:
+                break
+            value = constraint.value(found)
+            if value > 0.0:
+                too_little = weight
+                continue
+            enough, answer = weight, found
+            if value >= -ACCEPTED:
+                return FilterStatus.SOLVED, answer
+        return FilterStatus.FEASIBLE, answer
+
+
+def _proves(free: Problem, constraint: QuadraticConstraint, insisted: Array) -> bool:
+    """Whether an insisting answer z proves that the constraint cannot be met.
+
+    z minimises φ(y) + ρ q(y), φ the distance. So any y has q(y) ≥ q(z) − (max φ − φ(z))/ρ, the maximum over the box.
+    """
+    H = free.hessian
+    if H is None:
+        near, far = 0.5 * insisted.dot(insisted), 0.5 * free.highest.dot(free.highest)
+    else:
+        near, far = 0.5 * insisted.dot(H.dot(insisted)), 0.5 * free.highest.dot(np.abs(H).dot(free.highest))
+    near += free.gradient.dot(insisted)
+    far += np.abs(free.gradient).dot(free.highest)
+    return bool(constraint.value(insisted) > (far - near) / _INSISTENCE)
