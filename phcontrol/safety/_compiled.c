@@ -30,37 +30,58 @@ static double clip(double value, double low, double high) {
   return value < low ? low : (value > high ? high : value);
 }
 
+/* The next velocity v + ha with v + ha + a^2/(2j) = bound for a speed v below the bound; else the bound. */
+static double anticipating(double bound, double speed, double period, double jerk) {
+  double below = bound - speed;
+  if (!(below > 0.0) || isinf(jerk)) return bound;
+  double next = speed + 2.0 * below / (1.0 + sqrt(1.0 + 2.0 * below / (jerk * period * period)));
+  return next < bound ? next : bound;
+}
+
 PyDoc_STRVAR(speed_bounds_doc,
-             "speed_bounds(position, velocity, period, edges, braking, lag, velocity_limit, return_time, return_speed)"
+             "speed_bounds(position, velocity, period, edges, braking, jerk, velocity_limit, return_time, return_speed)"
              "\n--\n\nReturn the lowest and the highest next velocity.");
 static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp n = size_of(arguments, given, 9);
   RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "position") && is_dense(arguments[1], n, "velocity") &&
                 is_dense(arguments[3], 2 * n, "edges") && is_dense(arguments[4], 2 * n, "braking") &&
-                is_dense(arguments[5], 2 * n, "lag") && is_dense(arguments[6], 2 * n, "velocity_limit") &&
+                is_dense(arguments[5], 2 * n, "jerk") && is_dense(arguments[6], 2 * n, "velocity_limit") &&
                 is_dense(arguments[8], 2 * n, "return_speed"));
   double period = PyFloat_AsDouble(arguments[2]), return_time = PyFloat_AsDouble(arguments[7]);
   if (PyErr_Occurred()) return NULL;
   const double *q = values_of(arguments[0]), *v = values_of(arguments[1]), *edges = values_of(arguments[3]);
-  const double *braking = values_of(arguments[4]), *lag = values_of(arguments[5]), *most = values_of(arguments[6]);
+  const double *braking = values_of(arguments[4]), *jerk = values_of(arguments[5]), *most = values_of(arguments[6]);
   const double *back = values_of(arguments[8]);
   double *low, *high;
   PyObject *lowest = new_vector(n, &low), *highest = new_vector(n, &high), *result = NULL;
   if (lowest != NULL && highest != NULL) {
     for (npy_intp i = 0; i < 2 * n; i++) {
       npy_intp joint = i < n ? i : i - n;
-      double half_way = q[joint] + 0.5 * period * v[joint], room = edges[i] - (i < n ? half_way : -half_way), bound;
+      double sign = i < n ? 1.0 : -1.0, speed = sign * v[joint], sinking = 0.0, bound, steady;
+      double room = edges[i] - sign * (q[joint] + 0.5 * period * v[joint]);
       if (room < 0.0) {
         bound = room / return_time;
         if (bound < back[i]) bound = back[i];
       } else {
-        bound = sqrt(2.0 * braking[i] * room + lag[i] * lag[i]) - lag[i];
+        double lag = 0.5 * period * braking[i], root = sqrt(2.0 * braking[i] * room + lag * lag);
+        bound = root - lag;
+        if (speed > 0.0) sinking = period * braking[i] * speed / root;
       }
-      if (bound > most[i]) bound = most[i];
+      bound = anticipating(bound, speed - sinking, period, jerk[i]);
+      steady = anticipating(most[i], speed, period, jerk[i]);
+      if (bound > steady) bound = steady;
       if (i < n) {
         high[joint] = bound;
       } else {
         low[joint] = -bound;
+      }
+    }
+    for (npy_intp joint = 0; joint < n; joint++) { /* a joint that is beyond a bound may brake as hard as that asks */
+      if (!(low[joint] > high[joint])) continue;
+      if (v[joint] > high[joint]) {
+        low[joint] = high[joint];
+      } else {
+        high[joint] = low[joint];
       }
     }
     result = PyTuple_Pack(2, lowest, highest);
@@ -87,12 +108,13 @@ static PyObject *bound_excess(PyObject *module, PyObject *const *arguments, Py_s
 }
 
 PyDoc_STRVAR(motion_rows_doc,
-             "motion_rows(effect, reach, centre, drift, lowest, highest, braking, room, rows, lower, upper)\n--\n\n"
-             "Write the first n rows of the program and their bounds, of length one.");
+             "motion_rows(effect, reach, centre, drift, lowest, highest, preferred, room, rows, lower, upper)\n--\n\n"
+             "Write the first n rows of the program, of length one, and their bounds;\n"
+             "return whether the preferred torque keeps them.");
 static PyObject *motion_rows(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp n = size_of(arguments, given, 11);
   RETURN_UNLESS(n >= 0 && is_doubles(arguments[0], 2, n, "effect"));
-  static const char *names[] = {"reach", "centre", "drift", "lowest", "highest", "braking"};
+  static const char *names[] = {"reach", "centre", "drift", "lowest", "highest", "preferred"};
   for (int k = 0; k < 6; k++) RETURN_UNLESS(is_dense(arguments[k + 1], n, names[k]));
   double room = PyFloat_AsDouble(arguments[7]);
   if (PyErr_Occurred()) return NULL;
@@ -100,23 +122,35 @@ static PyObject *motion_rows(PyObject *module, PyObject *const *arguments, Py_ss
   RETURN_UNLESS(m >= 0 && is_dense(arguments[9], m, "lower") && is_dense(arguments[10], m, "upper"));
   const double *reach = values_of(arguments[1]), *centre = values_of(arguments[2]), *drift = values_of(arguments[3]);
   const double *lowest = values_of(arguments[4]), *highest = values_of(arguments[5]);
-  const double *braking = values_of(arguments[6]);
+  const double *preferred = values_of(arguments[6]);
   double *rows = values_of(arguments[8]), *lower = values_of(arguments[9]), *upper = values_of(arguments[10]);
+  Workspace space;
+  if (!workspace_open(&space, n)) return NULL;
+  double *centred = workspace_take(&space, n);
   read_matrix(arguments[0], n, rows);
+  int keeps = 1;
   for (npy_intp i = 0; i < n; i++) {
     double *row = rows + i * n, start = drift[i], reached = drift[i], square = 0.0;
     for (npy_intp j = 0; j < n; j++) {
       start += row[j] * centre[j];
-      reached += row[j] * braking[j];
+      reached += row[j] * preferred[j];
       row[j] *= reach[j];
       square += row[j] * row[j];
     }
-    double size = sqrt(square), slack = room * size;
+    double size = sqrt(square);
     for (npy_intp j = 0; j < n; j++) row[j] /= size;
-    lower[i] = (fmin(lowest[i], reached - slack) - start) / size;
-    upper[i] = (fmax(highest[i], reached + slack) - start) / size;
+    lower[i] = (lowest[i] - start) / size;
+    upper[i] = (highest[i] - start) / size;
+    reached = (reached - start) / size;
+    if (!(reached >= lower[i] - room && reached <= upper[i] + room)) keeps = 0;
+    centred[i] = reached;
   }
-  Py_RETURN_NONE;
+  for (npy_intp i = 0; keeps && i < n; i++) {
+    lower[i] = fmin(lower[i], centred[i] - room);
+    upper[i] = fmax(upper[i], centred[i] + room);
+  }
+  workspace_close(&space);
+  return PyBool_FromLong(keeps);
 }
 
 /* A problem as Python gives it: hessian (or None), gradient, rows, lower, upper, lowest, highest. */

@@ -16,7 +16,7 @@ def speed_bounds(
     period: float,
     edges: Array,
     braking: Array,
-    lag: Array,
+    jerk: Array,
     velocity_limit: Array,
     return_time: float,
     return_speed: Array,
@@ -25,12 +25,34 @@ def speed_bounds(
     n = position.size
     half_way = position + 0.5 * period * velocity
     room = edges - np.concatenate((half_way, -half_way))
-    bound = np.sqrt(2.0 * braking * np.maximum(room, 0.0) + lag * lag) - lag
+    speed = np.concatenate((velocity, -velocity))
+    lag = 0.5 * period * braking
+    root = np.sqrt(2.0 * braking * np.maximum(room, 0.0) + lag * lag)
     outside = room < 0.0
-    if outside.any():
-        bound = np.where(outside, np.maximum(room / return_time, return_speed), bound)
-    np.minimum(bound, velocity_limit, out=bound)
-    return -bound[n:], bound[:n]
+    stopping = np.where(outside, np.maximum(room / return_time, return_speed), root - lag)
+    sinking = np.where(outside, 0.0, period * braking * np.maximum(speed, 0.0) / root)
+    bound = np.minimum(
+        _anticipating(stopping, speed - sinking, period, jerk), _anticipating(velocity_limit, speed, period, jerk)
+    )
+    lowest, highest = -bound[n:], bound[:n]
+    contrary = lowest > highest  # a joint that is beyond a bound may brake as hard as that asks
+    if contrary.any():
+        down = velocity > highest
+        lowest, highest = (
+            np.where(contrary & down, highest, lowest),
+            np.where(contrary & ~down, lowest, highest),
+        )
+    return lowest, highest
+
+
+def _anticipating(bound: Array, speed: Array, period: float, jerk: Array) -> Array:
+    """Return v⁺ = v + ha with v⁺ + a²/(2j) = bound for a speed v below the bound; else the bound."""
+    result: Array = bound.copy()
+    late = (bound > speed) & np.isfinite(jerk)
+    below = bound[late] - speed[late]
+    change = 2.0 * below / (1.0 + np.sqrt(1.0 + 2.0 * below / (jerk[late] * period * period)))
+    result[late] = np.minimum(bound[late], speed[late] + change)
+    return result
 
 
 def bound_excess(velocity: Array, lowest: Array, highest: Array) -> float:
@@ -45,20 +67,24 @@ def motion_rows(
     drift: Array,
     lowest: Array,
     highest: Array,
-    braking: Array,
+    preferred: Array,
     room: float,
     rows: Array,
     lower: Array,
     upper: Array,
-) -> None:
-    """Write the first n rows of the program and their bounds."""
+) -> bool:
+    """Write the first n rows of the program and their bounds; return whether the preferred torque keeps them."""
     n = reach.size
     scaled = effect * reach
     size = np.sqrt(np.add.reduce(scaled * scaled, axis=1))
     np.divide(scaled, size[:, None], out=rows[:n])
-    start, reached, slack = drift + effect.dot(centre), drift + effect.dot(braking), room * size
-    np.divide(np.minimum(lowest, reached - slack) - start, size, out=lower[:n])
-    np.divide(np.maximum(highest, reached + slack) - start, size, out=upper[:n])
+    start, reached, slack = drift + effect.dot(centre), drift + effect.dot(preferred), room * size
+    keeps = bool(((reached >= lowest - slack) & (reached <= highest + slack)).all())
+    if keeps:
+        lowest, highest = np.minimum(lowest, reached - slack), np.maximum(highest, reached + slack)
+    np.divide(lowest - start, size, out=lower[:n])
+    np.divide(highest - start, size, out=upper[:n])
+    return keeps
 
 
 def residuals(

@@ -21,6 +21,8 @@ _MOST_ITERATIONS = 60
 _MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
 _LARGE_GRADIENT = 20.0  # from which the objective is scaled
 _MOST_CORRECTIONS = 6
+_STEP_SIZES = (10.0, 0.01, 0.1)  # of the dual variables, tried one after the other where the last solver failed
+_MOST_INNER_ITERATIONS = 100  # normally fewer than ten: so that no period waits for a problem that has no solution
 _WARM = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
 _COLD = proxqp.InitialGuess.NO_INITIAL_GUESS
 
@@ -87,10 +89,16 @@ class QuadraticProgram:
 
     def reset(self) -> None:
         """Forget the last answer."""
+        self._start_afresh(_STEP_SIZES[-1])
+        self._last: tuple[Array, Array] | None = None
+
+    def _start_afresh(self, step_size: float) -> None:
+        """Make a new solver: after a failure an old one mostly fails again."""
         n, m = self._n, self._m
         solver = proxqp.dense.QP(n, 0, m, True, proxqp.dense.HessianType.Dense)
         settings = solver.settings
         settings.eps_abs, settings.eps_rel, settings.max_iter = ACCURACY, 0.0, _MOST_ITERATIONS
+        settings.max_iter_in, settings.default_mu_in = _MOST_INNER_ITERATIONS, step_size
         settings.eps_primal_inf = settings.eps_dual_inf = 0.0
         settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, ACCURACY, 0.0
         settings.compute_timings = settings.verbose = False
@@ -99,18 +107,31 @@ class QuadraticProgram:
         solver.solve()  # an update before the first solve would crash a warm start
         self._solver: Any = solver
         self._warm = self._starts_warm = self._scaled_last = False
-        self._last: tuple[Array, Array] | None = None
         settings.initial_guess = _COLD
 
-    def solve(self, problem: Problem, *, warm: bool = True) -> Array | None:
-        """Return the optimum, exactly inside the box, or None when no answer passes the check."""
-        if warm and self._last is not None:
-            answer = self._with_the_same_constraints(problem, *self._last)
-            if answer is not None:
-                return answer
+    def solve(self, problem: Problem, *, patient: bool = True) -> Array | None:
+        """Return the optimum, exactly inside the box, or None when no answer passes the check.
+
+        Where the first attempt fails, patience tries new solvers.
+        """
+        last = self._last
+        answer = None if last is None else self._with_the_same_constraints(problem, *last)
+        if answer is None:
+            answer = self._attempt(problem)
+        if answer is None and patient:
+            if last is not None:
+                answer = self._corrected(problem, *last)
+            for step_size in _STEP_SIZES:
+                if answer is None:
+                    self._start_afresh(step_size)
+                    answer = self._attempt(problem)
+        return answer
+
+    def _attempt(self, problem: Problem) -> Array | None:
+        """Return ProxQP's answer, made exact, or None."""
         solver = self._solver
-        if self._starts_warm != (warm and self._warm):
-            self._starts_warm = warm and self._warm
+        if self._starts_warm != self._warm:
+            self._starts_warm = self._warm
             solver.settings.initial_guess = _WARM if self._starts_warm else _COLD
         size = _length(problem.gradient)
         size = 1.0 if size <= _LARGE_GRADIENT else size
@@ -134,7 +155,7 @@ class QuadraticProgram:
             return z
         self._last = None
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
-            self.reset()
+            self._start_afresh(_STEP_SIZES[-1])
             return None
         return self._corrected(problem, x, multipliers)
 
@@ -156,7 +177,7 @@ class QuadraticProgram:
             )
             z = problem.accepted(x, multipliers)
             if z is not None:
-                self.multipliers = multipliers
+                self._last, self.multipliers = (x, multipliers), multipliers
                 return z
         return None
 

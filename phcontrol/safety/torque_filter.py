@@ -15,6 +15,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
 from phcontrol.safety.filter_status import FilterStatus
+from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.storage_condition import StorageCondition
@@ -58,7 +59,7 @@ class TorqueFilter:
 
         1. |u| ≤ effort                                always, exactly
         2. |u − u_previous| ≤ h · torque rate          always, exactly
-        3. v_min ≤ v⁺ ≤ v_max                          as far as the braking torque can keep it
+        3. v_min ≤ v⁺ ≤ v_max                          as far as the motors can keep it
         4. P(u) ≤ max(0, P(u★))                        unless 1 to 3 forbid it
 
     v⁺ = q̇ + h(M + hD)⁻¹(G u + f_e − C q̇ − D q̇ − ∂V/∂q) is the velocity after one period h, and its bounds are those of
@@ -66,9 +67,10 @@ class TorqueFilter:
     P is the mean rate of H_d over the period, but for the power of f_e, see :class:`StorageCondition`: by 4 the storage
     function still does not grow by itself.
 
-    Where 3 cannot be kept with 1 and 2, its bounds are widened to what the braking torque reaches: the torque that
-    brings q̇ into the bounds (or damps it) as far as the motors can. So 1 to 3 always have a solution. Where 4 cannot be
-    kept, the answer weighs P with 10⁶ against the scaled distance, which brings it to the smallest excess there is.
+    Where the braking torque cannot keep 3 with 1 and 2, the bounds are widened by the least excess there is, if any
+    (:class:`LeastExcess`: least squares, relative to what the motors can do to each joint's velocity). So 1 to 3 always
+    have a solution. Where 4 cannot be kept, the answer weighs P with 10⁶ against the scaled distance, which brings it
+    to the smallest excess there is.
 
     Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise :class:`TorqueProgram` solves the scaled
     problem, started from its last answer; the residual of the optimality conditions is checked, and an answer that
@@ -119,7 +121,7 @@ class TorqueFilter:
         else:
             self._metric = np.array(gain("metric", metric, n))
         self._inverse_input = None if system.input_matrix is None else np.linalg.inv(system.input_matrix)
-        self._program = TorqueProgram(n)
+        self._program, self._least_excess = TorqueProgram(n), LeastExcess(n)
         self._identity = np.eye(n)
         self._is_separable = self._metric is None and not self._inertial
         self.reset()
@@ -132,6 +134,7 @@ class TorqueFilter:
         self.counts: dict[FilterStatus, int] = dict.fromkeys(FilterStatus, 0)
         """How often each status occurred."""
         self._program.reset()
+        self._least_excess.reset()
 
     def filter(
         self,
@@ -200,18 +203,9 @@ class TorqueFilter:
         return velocity
 
     def _braking(
-        self,
-        x: MechanicalState,
-        motion: _Motion,
-        bounds: tuple[Array, Array],
-        box: tuple[Array, Array],
-        drift: Array,
-        effect: Array,
+        self, x: MechanicalState, motion: _Motion, bounds: tuple[Array, Array], box: tuple[Array, Array]
     ) -> Array:
-        """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m].
-
-        Where motors are at their limits, the others still bring their own joints where they should be.
-        """
+        """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m]."""
         v, fastest = x.velocity, self._braking_step
         change = np.minimum(np.maximum(v * -(self.period / _DAMPING_TIME), -fastest), fastest)
         change = np.minimum(np.maximum(change, bounds[0] - v), bounds[1] - v)
@@ -221,18 +215,20 @@ class TorqueFilter:
         if self._inverse_input is not None:
             wanted = self._inverse_input.dot(wanted)
         torque: Array = np.minimum(np.maximum(wanted, box[0]), box[1])
-        free = torque == wanted
-        count = np.count_nonzero(free)
-        while 0 < count < free.size:
-            missing = v + change - drift - effect.dot(torque)
-            wanted = torque.copy()
-            wanted[free] += np.linalg.solve(effect[free][:, free], missing[free])
-            torque = np.minimum(np.maximum(wanted, box[0]), box[1])
-            free &= torque == wanted
-            if np.count_nonzero(free) == count:
-                break
-            count = np.count_nonzero(free)
         return torque
+
+    def _widen(self, rows: Array, lower: Array, upper: Array, box: tuple[Array, Array], braking: Array) -> Array:
+        """Widen the velocity bounds as far as they cannot be kept; return a torque that keeps them then [N·m].
+
+        It is the one with the least excess, near the braking torque, which takes its place where there is no answer.
+        """
+        centre, reach, highest = self._scaling(box)
+        preferred = (braking - centre) / reach
+        z = self._least_excess.solve(rows, lower, upper, highest, preferred)
+        reached = rows.dot(preferred if z is None else z)
+        np.minimum(lower, reached - _ROOM, out=lower)
+        np.maximum(upper, reached + _ROOM, out=upper)
+        return self._torque(z, centre, reach, box, braking)
 
     def _hessian(self, motion: _Motion, reach: Array) -> Array | None:
         """Return the metric for z, of order one; None for the identity."""
@@ -270,9 +266,10 @@ class TorqueFilter:
         effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
         effect *= self.period
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
-        braking = self._braking(x, motion, bounds, box, drift, effect)
+        braking, rows = self._braking(x, motion, bounds, box), program.rows
         lower, upper = program.lower, program.upper
-        kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, program.rows, lower, upper)
+        if not kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, rows, lower, upper):
+            braking = self._widen(rows[:-1], lower[:-1], upper[:-1], box, braking)
         if self._has_infinite_bounds:
             np.maximum(lower, -_UNBOUNDED, out=lower)
             np.minimum(upper, _UNBOUNDED, out=upper)

@@ -12,6 +12,7 @@ from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.quadratic_program import ACCEPTED, Problem, QuadraticProgram
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
+_SOME_INSISTENCE = 1e2
 _MOST_TANGENTS = 8
 _SEARCH_STEPS = 60  # for the right weight, where the tangents fail
 
@@ -59,7 +60,7 @@ class TorqueProgram:
     def solve(self, free: Problem, constraint: QuadraticConstraint | None = None) -> tuple[FilterStatus, Array | None]:
         """Return z and how it was found; None when no answer passes the check."""
         if constraint is None:
-            answer = self._solve_free(free)
+            answer = self._free.solve(free)
             return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
         insisted = self._insisted(free, constraint) if self._gave_up else None
         if insisted is not None and _proves(free, constraint, insisted):
@@ -79,11 +80,11 @@ class TorqueProgram:
         return FilterStatus.STORAGE_GIVEN_UP, insisted
 
     def _insisted(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
-        return self._solve_free(self._insisting(free, constraint, _INSISTENCE))
-
-    def _solve_free(self, problem: Problem) -> Array | None:
-        answer = self._free.solve(problem)
-        return self._free.solve(problem, warm=False) if answer is None else answer
+        insisting = self._insisting(free, constraint, _INSISTENCE)
+        answer = self._free.solve(insisting)
+        if answer is None and self._free.solve(self._insisting(free, constraint, _SOME_INSISTENCE)) is not None:
+            answer = self._free.solve(insisting)  # from there
+        return answer
 
     def _by_tangents(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
         """Return the optimum, or None when there is none or it is not found."""
@@ -102,9 +103,7 @@ class TorqueProgram:
             problem = Problem(hessian, gradient, rows, lower, upper, free.lowest, free.highest)
             answer = self._bounded.solve(problem)
             if answer is None:
-                answer = self._bounded.solve(problem, warm=False)
-                if answer is None:
-                    return None
+                return None
             found = max(0.0, float(self._bounded.multipliers[n])) / length if length else 0.0
             step = answer - z
             bend = constraint.curvature.dot(step)
@@ -130,7 +129,7 @@ class TorqueProgram:
         too_little, enough = 1e-6, _INSISTENCE
         for _ in range(_SEARCH_STEPS):
             weight = math.sqrt(too_little * enough)
-            found = self._free.solve(self._insisting(free, constraint, weight), warm=False)
+            found = self._free.solve(self._insisting(free, constraint, weight))
             if found is None:
                 break
             value = constraint.value(found)

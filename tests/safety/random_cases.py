@@ -109,33 +109,66 @@ def reference_case(system, limits, period, q, v, wish, previous, force, port) ->
     if previous is not None:
         middle, reach = np.clip(previous, low, high), period * limits.torque_rate
         low, high = np.maximum(low, middle - reach), np.minimum(high, middle + reach)
-    alpha = limits.braking_acceleration
-    tau = np.where(np.isinf(limits.torque_rate), 0.0, 2.0 * limits.effort / limits.torque_rate)
-    bounds = []
-    for side in (1.0, -1.0):
-        edge = limits.upper if side > 0 else -limits.lower
-        room = edge - side * (q + 0.5 * period * v)
-        b = tau + 0.5 * period
-        stopping = 2.0 * np.maximum(room, 0.0) / (b + np.sqrt(b**2 + 2.0 * np.maximum(room, 0.0) / alpha))
-        returning = -np.minimum(np.minimum(0.25 * limits.velocity, 0.5), np.maximum(-room, 0.0) / 0.05)
-        bounds.append(side * np.minimum(np.where(room >= 0.0, stopping, returning), limits.velocity))
-    highest, lowest = bounds
-    slower = np.minimum(np.abs(v) / 0.1, alpha) * period
+    lowest, highest = reference_bounds(limits, period, q, v)
+    slower = np.minimum(np.abs(v) / 0.1, limits.braking_acceleration) * period
     goal = np.clip(v - np.sign(v) * slower, lowest, highest)
     braking = np.linalg.solve(G, (M + period * D) @ (goal - v) / period - (force - load - D @ v))
-    held = (braking < low) | (braking > high)
     braking = np.clip(braking, low, high)
-    while held.any() and not held.all():  # the motors that are left bring their own joints where they should be
-        A = np.where(held[:, None], np.eye(system.n), effect)
-        wanted = np.linalg.solve(A, np.where(held, braking, goal - drift))
-        braking, before = np.where(held, braking, np.clip(wanted, low, high)), held
-        held = held | (wanted < low) | (wanted > high)
-        if (held == before).all():
-            break
-    reached = drift + effect @ braking
-    room = 1e-4 * np.linalg.norm(effect * (high - low) / 2, axis=1)
-    widened = np.minimum(lowest, reached - room), np.maximum(highest, reached + room)
+    reached, sizes = drift + effect @ braking, np.linalg.norm(effect * (high - low) / 2, axis=1)
+    if ((reached > highest + 1e-4 * sizes) | (reached < lowest - 1e-4 * sizes)).any():
+        reached = least_excess(effect, drift, (low, high), (lowest, highest), sizes, braking)
+    widened = np.minimum(lowest, reached - 1e-4 * sizes), np.maximum(highest, reached + 1e-4 * sizes)
     return Case(effect, drift, (low, high), widened, wish, drift - v, G, port, limits.effort)
+
+
+def reference_bounds(limits, period, q, v) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest next velocity: stopping in front of the limits, with what turning takes."""
+    alpha, jerk, h, bounds = limits.braking_acceleration, limits.braking_jerk, period, []
+
+    def turning(bound, speed):
+        """Solve h·a + a²/(2j) = bound − speed for a ≥ 0; v⁺ = speed + h·a."""
+        way = np.maximum(bound - speed, 0.0)
+        with np.errstate(invalid="ignore"):
+            a = np.where(np.isinf(jerk), way / h, -jerk * h + np.sqrt((jerk * h) ** 2 + 2.0 * jerk * way))
+        return np.where(bound > speed, speed + h * a, bound)
+
+    for side in (1.0, -1.0):
+        edge = limits.upper if side > 0 else -limits.lower
+        room, speed = edge - side * (q + 0.5 * h * v), side * v
+        inside = np.maximum(room, 0.0)
+        stopping = 2.0 * inside / (0.5 * h + np.sqrt((0.5 * h) ** 2 + 2.0 * inside / alpha))
+        returning = -np.minimum(np.minimum(0.25 * limits.velocity, 0.5), np.maximum(-room, 0.0) / 0.05)
+        falling = np.where(room >= 0.0, np.maximum(speed, 0.0) / (stopping / alpha + 0.5 * h), 0.0)
+        place = turning(np.where(room >= 0.0, stopping, returning), speed - h * falling)
+        bounds.append(side * np.minimum(place, turning(limits.velocity, speed)))
+    highest, lowest = bounds
+    contrary = lowest > highest
+    return (
+        np.where(contrary & (v > highest), highest, lowest),
+        np.where(contrary & (v <= highest), lowest, highest),
+    )
+
+
+def least_excess(effect, drift, box, bounds, sizes, braking) -> np.ndarray:
+    """Return the velocity that leaves its bounds least: 10⁴|excess/sizes|² + |distance from braking|² is smallest."""
+    n = drift.size
+    centre, reach = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+    rows, start = effect * reach / sizes[:, None], drift + effect @ centre
+    beyond = np.abs(rows).sum(axis=1) + 1.0
+    low = np.minimum((bounds[0] - start) / sizes, beyond)
+    high = np.maximum((bounds[1] - start) / sizes, -beyond)
+    free = np.full(n, 1e30)
+    z, _, flag, _ = daqp.solve(
+        np.diag(np.concatenate([np.ones(n), np.full(n, 1e4)])),
+        np.concatenate([-(braking - centre) / reach, np.zeros(n)]),
+        np.hstack([rows, np.eye(n)]),
+        np.concatenate([np.ones(n), free, high]),
+        np.concatenate([-np.ones(n), -free, low]),
+        np.zeros(3 * n, dtype=ctypes.c_int),
+        primal_tol=1e-12,
+        dual_tol=1e-12,
+    )
+    return start + sizes * (rows @ z[:n]) if flag == 1 else drift + effect @ braking
 
 
 def nearest(case: Case, weight: float, *, distance: float = 1.0) -> np.ndarray | None:
@@ -221,6 +254,7 @@ def run(cases: int, seed: int, report=None) -> Tally:
             lower=middle - reach * rng.uniform(0.3, 1.0, n),
             upper=middle + reach * rng.uniform(0.3, 1.0, n),
             braking_acceleration=rng.uniform(1.0, 10.0, n),
+            braking_jerk=np.inf if rate is None else 10.0 ** rng.uniform(1.0, 5.0, n),
         )
         filter_ = TorqueFilter(system, period=float(rng.choice([1e-3, 2e-3, 1e-2])), limits=limits)
         for _ in range(min(CASES_EACH, cases - block * CASES_EACH)):

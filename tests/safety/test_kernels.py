@@ -28,9 +28,8 @@ def test_from_the_speed_bounds_a_joint_just_stops_at_its_limit(kernels, seed, pe
     q, v, most = rng.uniform(-1.0, 1.0, n), rng.normal(size=n), rng.uniform(0.5, 3.0, n)
     upper, lower, braking = np.full(n, 1.2), np.full(n, -1.2), rng.uniform(1.0, 50.0, n)
     upper[0] = np.inf
-    lag = 0.5 * period * np.tile(braking, 2)
-    back, edges = np.full(2 * n, -0.25), np.concatenate([upper, -lower])
-    low, high = kernels.speed_bounds(q, v, period, edges, np.tile(braking, 2), lag, np.tile(most, 2), 0.05, back)
+    back, edges, jerk = np.full(2 * n, -0.25), np.concatenate([upper, -lower]), np.full(2 * n, np.inf)
+    low, high = kernels.speed_bounds(q, v, period, edges, np.tile(braking, 2), jerk, np.tile(most, 2), 0.05, back)
     for bound, edge, way in ((high, upper, 1.0), (-low, -lower, -1.0)):
         for joint in range(n):
             room = edge[joint] - way * (q + 0.5 * period * v)[joint]
@@ -45,22 +44,56 @@ def test_from_the_speed_bounds_a_joint_just_stops_at_its_limit(kernels, seed, pe
 
 
 @every_implementation
+@given(seed=seeds, period=st.floats(5e-4, 0.005))
+def test_from_the_speed_bounds_the_acceleration_can_be_turned_in_time(kernels, seed, period):
+    """Drive with the highest velocity there is: limits are kept, and no step asks for more than the jerk to brake."""
+    rng = np.random.default_rng(seed)
+    jerk, most = rng.uniform(50.0, 2e3), rng.uniform(0.5, 2.0)
+    braking = np.sqrt(rng.uniform(0.01, 0.3) * jerk * most)  # what the limits choose
+    q, v, a, side = np.zeros(1), np.zeros(1), 0.0, rng.choice([-1.0, 1.0])
+    arguments = [np.full(2, value) for value in (1.0, braking, jerk, most)]
+    for _ in range(int(3.0 / (most * period))):
+        low, high = kernels.speed_bounds(q, v, period, *arguments, 0.05, np.full(2, -0.25))
+        following = high if side > 0.0 else low
+        before, a = a, side * float((following - v)[0]) / period
+        if abs(v[0]) > 3.0 * braking * period:  # before the last periods, which land it in steps of αh
+            assert before - a <= jerk * period / 0.8  # of which the limits keep 80 %
+        q, v = q + 0.5 * period * (v + following), following
+        assert abs(v[0]) <= most * (1.0 + 1e-12)
+        assert abs(q[0]) <= 1.0 + 0.1 * braking * period**2
+    assert abs(q[0]) > 0.9
+
+
+@every_implementation
+def test_a_joint_too_fast_may_brake_as_hard_as_that_asks(kernels):
+    """The bound on the other side, which would have it brake gently, gives way; both are never contrary."""
+    arguments = [np.full(2, value) for value in (1.0, 5.0, 10.0, 1.0)]
+    for v in (3.0, -3.0):
+        low, high = kernels.speed_bounds(np.zeros(1), np.full(1, v), 1e-3, *arguments, 0.05, np.full(2, -0.25))
+        assert low[0] == high[0] == np.sign(v)
+
+
+@every_implementation
 @given(seed=seeds, size=st.integers(1, 9))
 def test_motion_rows_bound_the_next_velocity(kernels, seed, size):
     rng = np.random.default_rng(seed)
     effect = np.asfortranarray(rng.normal(size=(size, size)))
     reach, centre, drift = rng.uniform(0.5, 2.0, size), rng.normal(size=size), rng.normal(size=size)
-    braking = centre + reach * rng.uniform(-1.0, 1.0, size)
-    lowest, highest = -rng.uniform(0.0, 1.0, size), rng.uniform(0.0, 1.0, size)
+    preferred = centre + reach * rng.uniform(-1.0, 1.0, size)
+    reached, room = drift + effect @ preferred, 0.01
+    lowest, highest = reached - rng.uniform(-0.2, 1.0, size), reached + rng.uniform(-0.05, 1.0, size)
     rows, lower, upper = np.full((size + 1, size), 7.0), np.full(size + 1, 8.0), np.full(size + 1, 9.0)
-    kernels.motion_rows(effect, reach, centre, drift, lowest, highest, braking, 0.0, rows, lower, upper)
+    keeps = kernels.motion_rows(effect, reach, centre, drift, lowest, highest, preferred, room, rows, lower, upper)
     np.testing.assert_allclose(np.linalg.norm(rows[:-1], axis=1), 1.0)
     assert (rows[-1] == 7.0).all()
     assert (lower[-1], upper[-1]) == (8.0, 9.0)
-    reached = drift + effect @ braking
+    slack = room * np.linalg.norm(effect * reach, axis=1)
+    assert keeps == ((reached >= lowest - slack) & (reached <= highest + slack)).all()
+    if keeps:  # then with some room around it
+        lowest, highest = np.minimum(lowest, reached - slack), np.maximum(highest, reached + slack)
     z = rng.uniform(-2.0, 2.0, size)
     velocity = drift + effect @ (centre + reach * z)
-    inside = (velocity >= np.minimum(lowest, reached)) & (velocity <= np.maximum(highest, reached))
+    inside = (velocity >= lowest) & (velocity <= highest)
     values = rows[:-1] @ z
     np.testing.assert_array_equal(inside, (values >= lower[:-1]) & (values <= upper[:-1]))
 

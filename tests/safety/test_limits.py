@@ -13,25 +13,23 @@ from tests.conftest import make_system
 PERIOD = 1e-3
 
 
-def stopping_place(q, v, next_velocity, braking, lag=0.0, period=PERIOD):
+def stopping_place(q, v, next_velocity, braking, period=PERIOD):
     """Where a joint stops that has next_velocity after one period: by the formula of uniform deceleration."""
     position = q + 0.5 * period * (v + next_velocity)
-    return position + lag * next_velocity + next_velocity * abs(next_velocity) / (2.0 * braking)
+    return position + next_velocity * abs(next_velocity) / (2.0 * braking)
 
 
-@pytest.mark.parametrize("rate", [None, 200.0])
-def test_at_the_bound_the_joint_stops_exactly_at_its_limit(pera, rate):
-    limits = Limits(pera, velocity=50.0, torque_rate=rate, braking_acceleration=3.0)
-    lag = 0.0 if rate is None else 2.0 * limits.effort / rate
+def test_at_the_bound_the_joint_stops_exactly_at_its_limit(pera):
+    limits = Limits(pera, velocity=50.0, braking_acceleration=3.0)
     rng = np.random.default_rng(1)
     for _ in range(50):
         q = rng.uniform(limits.lower, limits.upper)
         v = rng.normal(size=7)
         low, high = limits.velocity_bounds(q, v, PERIOD)
         far = np.abs(limits.upper - q) > 0.01
-        np.testing.assert_allclose(stopping_place(q, v, high, 3.0, lag)[far], limits.upper[far], atol=1e-12)
+        np.testing.assert_allclose(stopping_place(q, v, high, 3.0)[far], limits.upper[far], atol=1e-12)
         far = np.abs(limits.lower - q) > 0.01
-        np.testing.assert_allclose(stopping_place(q, v, low, 3.0, lag)[far], limits.lower[far], atol=1e-12)
+        np.testing.assert_allclose(stopping_place(q, v, low, 3.0)[far], limits.lower[far], atol=1e-12)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.2, 10.0), st.floats(1e-4, 2e-2))
@@ -82,6 +80,38 @@ def test_all_joints_can_brake_at_once_within_their_effort(arm):
     assert 0.2 < worst < 1.0
 
 
+@pytest.mark.parametrize("arm", ["pera", "panda", "ur5", "pera_shoulder"])
+def test_all_accelerations_can_be_turned_at_once_within_the_torque_rate(arm):
+    """At new positions and velocities, all signs, against the torque's difference along the motion (80 % is used)."""
+    system = make_system(arm)
+    limits, rng = Limits(system, torque_rate=2000.0), np.random.default_rng(98)
+    worst, step, n = 0.0, 1e-5, system.n
+    for _ in range(300):
+        q = system.robot.random_position(rng)
+        v = rng.uniform(-1, 1, n) * limits.velocity
+        a = rng.uniform(-1, 1, n) * limits.braking_acceleration
+        jerk = limits.braking_jerk * rng.choice([-1.0, 1.0], n)
+        torques = []
+        for t in (-step, step):
+            x = system.at(q + t * v + 0.5 * t**2 * a, v + t * a)
+            torques.append(x.mass_matrix @ (a + t * jerk) + x.coriolis_matrix @ x.velocity + x.potential_gradient)
+        worst = max(worst, np.abs(torques[1] - torques[0]).max() / (2.0 * step) / 2000.0)
+    assert 0.2 < worst < 1.0
+
+
+def test_without_a_torque_rate_nothing_is_anticipated_and_single_joints_may_have_one(pera):
+    assert np.isinf(Limits(pera).braking_jerk).all()
+    rate = np.full(7, np.inf)
+    rate[5] = 100.0
+    limits = Limits(pera, torque_rate=rate)
+    assert (np.isfinite(limits.braking_jerk) == np.isfinite(rate)).all()
+    low, high = limits.velocity_bounds(0.5 * (limits.lower + limits.upper), np.zeros(7), PERIOD)
+    free = np.arange(7) != 5
+    np.testing.assert_array_equal(high[free], limits.velocity[free])
+    assert 0.0 < high[5] < 0.2 * limits.velocity[5]
+    assert low[5] == -high[5]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -97,7 +127,8 @@ def test_all_joints_can_brake_at_once_within_their_effort(arm):
         ({"velocity_margin": 1.0}, "velocity_margin: must be <= 0.9"),
         ({"torque_rate": 0.0}, "torque_rate: must be > 0"),
         ({"braking_acceleration": np.inf}, "braking_acceleration: must be finite"),
-        ({"effort": np.inf, "torque_rate": 1.0}, "needs an effort limit"),
+        ({"torque_rate": 1.0}, r"torque_rate: .* too little to follow the load at full speed: joint '\w+' needs more"),
+        ({"braking_jerk": 0.0}, "braking_jerk: must be > 0"),
         ({"upper": object()}, "upper: must be"),
     ],
 )

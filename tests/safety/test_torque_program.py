@@ -79,7 +79,7 @@ def test_where_the_tangents_fail_a_search_finds_the_same(program, monkeypatch):
     status, z = program.solve(wish(program, [3.0, 4.0]), disc(1.0))
     assert status == FilterStatus.SOLVED
     np.testing.assert_allclose(z, [0.6, 0.8], atol=1e-8)
-    monkeypatch.setattr(program._free, "solve", lambda problem, warm=True: None)
+    monkeypatch.setattr(program._free, "solve", lambda problem, patient=True: None)
     assert program.solve(wish(program, [3.0, 4.0]), disc(1.0)) == (FilterStatus.FALLBACK, None)
     assert program.solve(wish(program, [3.0, 4.0])) == (FilterStatus.FALLBACK, None)
 
@@ -89,9 +89,9 @@ def test_a_feasible_point_is_said_to_be_no_more_than_that(program, monkeypatch):
     monkeypatch.setattr(TorqueProgram, "_by_tangents", lambda self, free, constraint: None)
     solve, calls = program._free.solve, []
 
-    def failing(problem, warm=True):
+    def failing(problem, patient=True):
         calls.append(problem)
-        return solve(problem, warm=warm) if len(calls) <= 1 else None
+        return solve(problem, patient=patient) if len(calls) <= 1 else None
 
     monkeypatch.setattr(program._free, "solve", failing)
     status, z = program.solve(wish(program, [3.0, 4.0]), disc(1.0))

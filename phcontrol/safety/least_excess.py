@@ -1,0 +1,46 @@
+"""Where bounds cannot be kept: the point that leaves them least."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+
+_INSISTENCE = 1e4  # weight of the excess against the distance from the preferred point
+_UNBOUNDED = 1e20
+
+
+class LeastExcess:
+    """min ½|z − z₀|² + ½·10⁴|s|² subject to l ≤ C z + s ≤ u, |z| ≤ b: s is by how much the rows C leave their bounds.
+
+    Bounds that no z of the box can reach count as if they were 1 beyond its reach. When all bounds can be kept,
+    s is of the order 10⁻⁴ at most.
+
+    Args:
+        n: number of unknowns z and of rows of length one.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._n = n
+        self._program = QuadraticProgram(2 * n, n)
+        self._hessian = np.diag(np.concatenate([np.ones(n), np.full(n, _INSISTENCE)]))
+        self._gradient, self._box = np.zeros(2 * n), np.full(2 * n, _UNBOUNDED)
+        self._rows = np.hstack([np.zeros((n, n)), np.eye(n)])
+
+    def reset(self) -> None:
+        """Forget the last answer."""
+        self._program.reset()
+
+    def solve(self, rows: Array, lower: Array, upper: Array, highest: Array, preferred: Array) -> Array | None:
+        """Return z, or None when no answer passes the check."""
+        n = self._n
+        self._rows[:, :n] = rows
+        np.negative(preferred, out=self._gradient[:n])
+        self._box[:n] = highest
+        beyond = np.abs(rows).dot(highest)
+        beyond += 1.0
+        lower, upper = np.minimum(lower, beyond), np.maximum(upper, -beyond)
+        problem = Problem(self._hessian, self._gradient, self._rows, lower, upper, -self._box, self._box)
+        answer = self._program.solve(problem)
+        return None if answer is None else answer[:n]
