@@ -1,9 +1,10 @@
 """Every law on two arms, driven at its limits and into a wall, without and with the torque filter.
 
-    python examples/limits.py [--duration SECONDS] [--law NAME] [--arm NAME]
+    python examples/limits.py [--duration SECONDS] [--law NAME] [--arm NAME] [--torque-rate N·m/s]
 
-Prints, for each run, by how much position, velocity and torque limits were exceeded, and by how much the storage
-function grew beyond what the environment supplied.
+Prints, for each run, by how much position, velocity and torque limits were exceeded, by how much the storage function
+H_d grew beyond what the environment supplied, how much of that the filter told of (the limits forbid what would be
+needed), and how much it did not.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phcontrol import (
+    FilterStatus,
     JointContact,
     Limits,
     Log,
@@ -25,7 +27,6 @@ from phcontrol import (
     simulate,
 )
 from phcontrol.controllers.registry import CONTROLLERS
-from phcontrol.safety.torque_filter import FilterStatus
 
 PERIOD = 1e-3  # [s]
 LAWS = [name for name in CONTROLLERS if "servo" not in name]  # those that need no camera
@@ -45,19 +46,21 @@ class Violations:
     """Largest torque beyond an effort limit [N·m]."""
     growth: float
     """Largest growth of H_d beyond what was supplied, over its largest value."""
-    allowed: float
+    told: float
     """How much growth the filter reported: ∫ storage_excess dt, over the same value."""
+    untold: float
+    """Largest growth beyond what was supplied and reported, over the same value."""
     fallbacks: int
     """How often the solver's answer was not used."""
 
     def __str__(self) -> str:
         return (
             f"{self.position:>10.4f}{self.velocity:>10.4f}{self.torque:>10.2f}"
-            f"{self.growth:>11.1e}{self.allowed:>11.1e}{self.fallbacks:>5}"
+            f"{self.growth:>11.1e}{self.told:>11.1e}{self.untold:>11.1e}{self.fallbacks:>5}"
         )
 
 
-def run(law: str, arm: str, wall: bool, filtered: bool, duration: float = 1.0) -> Log:
+def run(law: str, arm: str, wall: bool, filtered: bool, duration: float = 1.0, torque_rate: float | None = None) -> Log:
     """Drive an arm beyond its limits: to a goal outside them, with stiff gains; or fast into a wall."""
     system = MechanicalSystem(load_robot(arm, locked_joints=ARMS[arm]))
     robot = system.robot
@@ -71,7 +74,7 @@ def run(law: str, arm: str, wall: bool, filtered: bool, duration: float = 1.0) -
     bodies = [
         RigidBody(JointContact(robot.joint_names[joint], start[joint] + 0.15, "above"), stiffness=3e3, damping=5.0)
     ]
-    limits = Limits(system, position_margin=MARGIN, velocity_margin=0.1)
+    limits = Limits(system, torque_rate=torque_rate, position_margin=MARGIN, velocity_margin=0.1)
     return simulate(
         system,
         controller,
@@ -90,17 +93,23 @@ def violations(log: Log, arm: str) -> Violations:
     robot = load_robot(arm, locked_joints=ARMS[arm])
     beyond = np.maximum(log.position - robot.upper, robot.lower - log.position).max()
     supplied = np.concatenate([[0.0], np.cumsum(0.5 * (log.supplied_power[1:] + log.supplied_power[:-1]) * PERIOD)])
-    own = log.storage - supplied
-    growth = (own - np.minimum.accumulate(own)).max() / np.abs(log.storage).max()
-    activity = log.filter_activity
+    own, largest, activity = log.storage - supplied, np.abs(log.storage).max(), log.filter_activity
+    told = np.cumsum(activity["storage_excess"]) * PERIOD if activity else np.zeros(len(log))
+    beyond_told = own - np.concatenate([[0.0], told[:-1]])
     return Violations(
         position=max(0.0, float(beyond)),
         velocity=max(0.0, float((np.abs(log.velocity) - robot.velocity_limit).max())),
         torque=max(0.0, float((np.abs(log.torque) - robot.effort_limit).max())),
-        growth=float(growth),
-        allowed=float(activity["storage_excess"].sum() * PERIOD / np.abs(log.storage).max()) if activity else 0.0,
+        growth=growth_of(own) / largest,
+        told=float(told[-1]) / largest,
+        untold=growth_of(beyond_told) / largest,
         fallbacks=int((activity["status"] == FilterStatus.FALLBACK).sum()) if activity else 0,
     )
+
+
+def growth_of(energy: np.ndarray) -> float:
+    """Return by how much an energy rose at most above what it had been before."""
+    return float((energy - np.minimum.accumulate(energy)).max())
 
 
 def main() -> None:
@@ -109,14 +118,22 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=1.0, help="[s]")
     parser.add_argument("--law", choices=LAWS)
     parser.add_argument("--arm", choices=list(ARMS))
+    parser.add_argument("--torque-rate", type=float, help="for the filter [N·m/s]")
     options = parser.parse_args()
-    print(f"{'':<52}{'position':>10}{'velocity':>10}{'torque':>10}{'H_d grew':>11}{'told of':>11}{'fell':>5}")
+    names = ("position", "velocity", "torque"), ("H_d grew", "told of", "untold")
+    print(
+        f"{'':<52}"
+        + "".join(f"{name:>10}" for name in names[0])
+        + "".join(f"{name:>11}" for name in names[1])
+        + " fell"
+    )
     for arm in [options.arm] if options.arm else ARMS:
         for law in [options.law] if options.law else LAWS:
             for wall in (False, True):
                 for filtered in (False, True):
                     label = f"{arm} {law} {'wall' if wall else 'goal'} {'with' if filtered else 'without'}"
-                    print(f"{label:<52}{violations(run(law, arm, wall, filtered, options.duration), arm)}", flush=True)
+                    log = run(law, arm, wall, filtered, options.duration, options.torque_rate)
+                    print(f"{label:<52}{violations(log, arm)}", flush=True)
 
 
 if __name__ == "__main__":

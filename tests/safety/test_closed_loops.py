@@ -5,6 +5,7 @@ from __future__ import annotations
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from phcontrol import FilterStatus
@@ -12,17 +13,24 @@ from phcontrol import FilterStatus
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "limits.py"))
 run, violations = EXAMPLE["run"], EXAMPLE["violations"]
 BUMP = 0.05  # of the velocity limits: what a wall can do within a period
+THROW = 1.0  # likewise, where the motors may not turn their torque at once [rad/s]
+GROWTH = 1e-3  # of the largest H_d: terms of third order in the period, and what the external force does within one
 
 
+@pytest.mark.parametrize("torque_rate", [None, 1000.0], ids=["any-rate", "limited-rate"])
 @pytest.mark.parametrize("wall", [False, True], ids=["goal", "wall"])
 @pytest.mark.parametrize("arm", ["pera", "panda"])
 @pytest.mark.parametrize("law", EXAMPLE["LAWS"])
-def test_the_filter_keeps_every_law_inside_the_limits(law, arm, wall):
-    log = run(law, arm, wall, True, duration=0.4)
+def test_the_filter_keeps_every_law_inside_the_limits(law, arm, wall, torque_rate):
+    log = run(law, arm, wall, True, duration=0.4, torque_rate=torque_rate)
     found = violations(log, arm)
     assert found.torque <= 1e-9
     assert found.position == 0.0
-    assert found.velocity <= (BUMP if wall else 1e-2)
+    assert found.velocity <= ((BUMP if torque_rate is None else THROW) if wall else 1e-2)
+    assert found.untold <= GROWTH
     if not law.startswith("tracking"):  # whose own trajectory may keep the limits
         assert (log.filter_activity["status"] > FilterStatus.PASSED).any()
     assert found.fallbacks <= 2
+    if torque_rate is not None:
+        steps = np.abs(np.diff(log.torque[:-1], axis=0)).max()
+        assert steps <= torque_rate * EXAMPLE["PERIOD"] + 1e-9
