@@ -15,13 +15,15 @@ from phcontrol.safety._numpy import active_equations
 ACCURACY = 1e-10
 """What is asked of the solver, in scaled units."""
 ACCEPTED = 1e-10
-"""The largest residual of an answer that is believed, in scaled units (relative to a large gradient)."""
+"""The largest residual of an answer that is believed, in scaled units, but for the rounding of large numbers."""
 
+_ROUNDING = 1e-14  # of sums of gradient and forces, relative to them
 _MOST_ITERATIONS = 60
 _MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
 _LARGE_GRADIENT = 20.0  # from which the objective is scaled
 _MOST_CORRECTIONS = 6
-_STEP_SIZES = (10.0, 0.01, 0.1)  # of the dual variables, tried one after the other where the last solver failed
+_MOST_STEPS = 100  # of the active-set method from a feasible point
+_AT_REST = 1e-12  # of a step, in scaled units
 _MOST_INNER_ITERATIONS = 100  # normally fewer than ten: so that no period waits for a problem that has no solution
 _WARM = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
 _COLD = proxqp.InitialGuess.NO_INITIAL_GUESS
@@ -67,7 +69,9 @@ class Problem(NamedTuple):
         stationary, complementary = self.residuals(z, multipliers)
         if not complementary <= ACCEPTED:
             return False
-        return stationary <= ACCEPTED or stationary <= 0.1 * ACCEPTED * _length(self.gradient)
+        if stationary <= ACCEPTED:
+            return True
+        return stationary <= _ROUNDING * (_length(self.gradient) + _length(multipliers))
 
 
 class QuadraticProgram:
@@ -89,16 +93,16 @@ class QuadraticProgram:
 
     def reset(self) -> None:
         """Forget the last answer."""
-        self._start_afresh(_STEP_SIZES[-1])
+        self._start_afresh()
         self._last: tuple[Array, Array] | None = None
 
-    def _start_afresh(self, step_size: float) -> None:
+    def _start_afresh(self) -> None:
         """Make a new solver: after a failure an old one mostly fails again."""
         n, m = self._n, self._m
         solver = proxqp.dense.QP(n, 0, m, True, proxqp.dense.HessianType.Dense)
         settings = solver.settings
         settings.eps_abs, settings.eps_rel, settings.max_iter = ACCURACY, 0.0, _MOST_ITERATIONS
-        settings.max_iter_in, settings.default_mu_in = _MOST_INNER_ITERATIONS, step_size
+        settings.max_iter_in = _MOST_INNER_ITERATIONS
         settings.eps_primal_inf = settings.eps_dual_inf = 0.0
         settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, ACCURACY, 0.0
         settings.compute_timings = settings.verbose = False
@@ -109,22 +113,20 @@ class QuadraticProgram:
         self._warm = self._starts_warm = self._scaled_last = False
         settings.initial_guess = _COLD
 
-    def solve(self, problem: Problem, *, patient: bool = True) -> Array | None:
+    def solve(self, problem: Problem, feasible: Array | None = None) -> Array | None:
         """Return the optimum, exactly inside the box, or None when no answer passes the check.
 
-        Where the first attempt fails, patience tries new solvers.
+        Args:
+            problem: what to solve.
+            feasible: a z that meets all constraints, if one is known, for where ProxQP fails.
         """
-        last = self._last
-        answer = None if last is None else self._with_the_same_constraints(problem, *last)
+        answer = None if self._last is None else self._with_the_same_constraints(problem, *self._last)
         if answer is None:
             answer = self._attempt(problem)
-        if answer is None and patient:
-            if last is not None:
-                answer = self._corrected(problem, *last)
-            for step_size in _STEP_SIZES:
-                if answer is None:
-                    self._start_afresh(step_size)
-                    answer = self._attempt(problem)
+        if answer is None:
+            self._start_afresh()
+            if feasible is not None:
+                answer = self._from_feasible(problem, feasible)
         return answer
 
     def _attempt(self, problem: Problem) -> Array | None:
@@ -151,13 +153,17 @@ class QuadraticProgram:
         z = problem.accepted(x, multipliers)
         self._warm = z is not None and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
         if z is not None:
-            self._last = z, np.array(multipliers)
-            return z
+            return self._exact(problem, z, np.array(multipliers))
         self._last = None
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
-            self._start_afresh(_STEP_SIZES[-1])
             return None
         return self._corrected(problem, x, multipliers)
+
+    def _exact(self, problem: Problem, z: Array, multipliers: Array) -> Array:
+        """Return an accepted answer, exact to rounding where its active constraints give that."""
+        self._last, self.multipliers = (z, multipliers), multipliers
+        exact = self._with_the_same_constraints(problem, z, multipliers)
+        return z if exact is None else exact
 
     def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum if the constraints that were active last are so again; None otherwise."""
@@ -168,6 +174,45 @@ class QuadraticProgram:
         if answer is not None:
             self._last, self.multipliers = step, step[1]
         return answer
+
+    def _from_feasible(self, problem: Problem, z: Array) -> Array | None:
+        """Return the optimum by a primal active-set method from a feasible z; None when that does not get there.
+
+        It keeps to the constraints it has met: to the optimum on those, as far as no other is in the way; there,
+        the one that holds it back most wrongly is let go (Nocedal and Wright, Numerical Optimization, section 16.5).
+        """
+        n, m = z.size, problem.lower.size
+        constraints = np.vstack([problem.rows, np.eye(n)])
+        low, high = np.append(problem.lower, problem.lowest), np.append(problem.upper, problem.highest)
+        hessian = np.eye(n) if problem.hessian is None else problem.hessian
+        held: list[int] = []
+        for _ in range(_MOST_STEPS):
+            A = constraints[held]
+            equations = np.block([[hessian, A.T], [A, np.zeros((len(held), len(held)))]])
+            right = np.append(-(hessian.dot(z) + problem.gradient), np.zeros(len(held)))
+            solution = np.linalg.solve(equations, right)
+            step, forces = solution[:n], solution[n:]
+            rates, values = constraints.dot(step), constraints.dot(z)
+            rates[held] = 0.0
+            ways = np.full(rates.size, np.inf)
+            rising, falling = rates > _AT_REST, rates < -_AT_REST
+            ways[rising] = (high - values)[rising] / rates[rising]
+            ways[falling] = (low - values)[falling] / rates[falling]
+            nearest = int(np.argmin(ways))
+            z = z + min(1.0, max(0.0, ways[nearest])) * step
+            if ways[nearest] < 1.0:
+                held.append(nearest)
+                continue
+            at_upper = A.dot(z) - 0.5 * (low[held] + high[held]) > 0.0
+            wrong = np.where(at_upper, -forces, forces)
+            if held and wrong.max() > 0.0:
+                del held[int(np.argmax(wrong))]
+                continue
+            multipliers = np.zeros(m + n)
+            multipliers[held] = forces
+            answer = problem.accepted(z, multipliers)
+            return None if answer is None else self._exact(problem, answer, multipliers)
+        return None
 
     def _corrected(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""

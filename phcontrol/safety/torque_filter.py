@@ -18,6 +18,7 @@ from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
+from phcontrol.safety.quadratic_program import Problem
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
 
@@ -50,6 +51,25 @@ class _Motion(NamedTuple):
     """Its Cholesky factor."""
     force: Array
     """f_e − C q̇ − D q̇ − ∂V/∂q [N·m]: what moves the arm beside the motors."""
+
+
+class _Box(NamedTuple):
+    """The torques that effort and rate allow, and z = (u − centre)/reach, in which the program is written."""
+
+    low: Array
+    high: Array
+    centre: Array
+    reach: Array
+    extent: Array
+    """The largest z: 1, but where there is no effort limit."""
+
+    def scaled(self, torque: Array) -> Array:
+        """Return z of a torque [N·m]."""
+        return (torque - self.centre) / self.reach
+
+    def torque(self, z: Array) -> Array:
+        """Return the torque of z, exactly inside the box [N·m]."""
+        return np.minimum(np.maximum(self.centre + self.reach * z, self.low), self.high)
 
 
 class TorqueFilter:
@@ -154,7 +174,7 @@ class TorqueFilter:
             external_force: f_e [N·m] as far as it is known, for the prediction.
             port: ŷ and the dissipated power of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
-        low, high = self._box(previous)
+        low, high = self._range(previous)
         clipped = np.minimum(np.maximum(torque, low), high)
         unchanged = bool(np.logical_and.reduce(clipped == torque))
         motion = self._motion(x, external_force)
@@ -169,9 +189,9 @@ class TorqueFilter:
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
             return FilteredTorque(clipped, status, 0.0, 0.0)
-        return self._solve(x, torque, (low, high), motion, bounds, condition, clipped, velocity)
+        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, clipped, velocity)
 
-    def _box(self, previous: Array | None) -> tuple[Array, Array]:
+    def _range(self, previous: Array | None) -> tuple[Array, Array]:
         """Return the lowest and the highest torque by effort and rate [N·m]."""
         limit = self.limits.effort
         if previous is None or not self._has_rate:
@@ -202,9 +222,7 @@ class TorqueFilter:
         velocity += x.velocity
         return velocity
 
-    def _braking(
-        self, x: MechanicalState, motion: _Motion, bounds: tuple[Array, Array], box: tuple[Array, Array]
-    ) -> Array:
+    def _braking(self, x: MechanicalState, motion: _Motion, bounds: tuple[Array, Array], box: _Box) -> Array:
         """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m]."""
         v, fastest = x.velocity, self._braking_step
         change = np.minimum(np.maximum(v * -(self.period / _DAMPING_TIME), -fastest), fastest)
@@ -214,21 +232,20 @@ class TorqueFilter:
         wanted -= motion.force
         if self._inverse_input is not None:
             wanted = self._inverse_input.dot(wanted)
-        torque: Array = np.minimum(np.maximum(wanted, box[0]), box[1])
+        torque: Array = np.minimum(np.maximum(wanted, box.low), box.high)
         return torque
 
-    def _widen(self, rows: Array, lower: Array, upper: Array, box: tuple[Array, Array], braking: Array) -> Array:
-        """Widen the velocity bounds as far as they cannot be kept; return a torque that keeps them then [N·m].
+    def _widen(self, rows: Array, lower: Array, upper: Array, box: _Box, preferred: Array) -> Array:
+        """Widen the velocity bounds as far as they cannot be kept; return a z that keeps them then.
 
-        It is the one with the least excess, near the braking torque, which takes its place where there is no answer.
+        It is the one with the least excess, near the preferred z, which takes its place where there is no answer.
         """
-        centre, reach, highest = self._scaling(box)
-        preferred = (braking - centre) / reach
-        z = self._least_excess.solve(rows, lower, upper, highest, preferred)
-        reached = rows.dot(preferred if z is None else z)
+        found = self._least_excess.solve(rows, lower, upper, box.extent, preferred)
+        z = preferred if found is None else found
+        reached = rows.dot(z)
         np.minimum(lower, reached - _ROOM, out=lower)
         np.maximum(upper, reached + _ROOM, out=upper)
-        return self._torque(z, centre, reach, box, braking)
+        return z
 
     def _hessian(self, motion: _Motion, reach: Array) -> Array | None:
         """Return the metric for z, of order one; None for the identity."""
@@ -239,82 +256,78 @@ class TorqueFilter:
         elif not self._has_rate:
             return None
         else:
-            relative = np.square(reach / self._scale)
-            return np.diag(relative / relative.mean())
+            weights = reach / self._scale
+            weights *= weights
+            weights *= weights.size / np.add.reduce(weights)
+            return self._identity * weights
         hessian = metric * reach[:, None] * reach
         result: Array = hessian * (self.system.n / np.trace(hessian))
         return result
-
-    # --- the quadratic program, in z = (u − centre of the box) / reach of the box -------------------
 
     def _solve(
         self,
         x: MechanicalState,
         wish: Array,
-        box: tuple[Array, Array],
+        box: _Box,
         motion: _Motion,
         bounds: tuple[Array, Array],
         condition: StorageCondition | None,
         clipped: Array,
         velocity: Array,
     ) -> FilteredTorque:
-        program = self._program
-        centre, reach, highest = self._scaling(box)
+        program, centre, reach = self._program, box.centre, box.reach
         farthest = _FARTHEST * reach
         wish = np.minimum(np.maximum(wish, centre - farthest), centre + farthest)
         matrix = self.system.input_matrix
         effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
         effect *= self.period
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
-        braking, rows = self._braking(x, motion, bounds, box), program.rows
-        lower, upper = program.lower, program.upper
-        if not kernels.motion_rows(effect, reach, centre, drift, *bounds, braking, _ROOM, rows, lower, upper):
-            braking = self._widen(rows[:-1], lower[:-1], upper[:-1], box, braking)
+        rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
+        safe = self._braking(x, motion, bounds, box)
+        keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds, safe, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
             np.maximum(lower, -_UNBOUNDED, out=lower)
             np.minimum(upper, _UNBOUNDED, out=upper)
-        hessian = self._hessian(motion, reach)
-        gradient = (centre - wish) / reach
+        feasible = box.scaled(safe)
+        if not keeps:
+            feasible = self._widen(rows, lower, upper, box, feasible)
+        hessian, gradient = self._hessian(motion, reach), -box.scaled(wish)
         if hessian is not None:
             gradient = hessian.dot(gradient)
-        problem = program.problem(hessian, gradient, highest)
+        problem = Problem(hessian, gradient, rows, lower, upper, -box.extent, box.extent)
+
+        def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
+            torque = box.torque(feasible if answer is None else answer)
+            reached, excess = drift + effect.dot(torque), 0.0
+            if condition is not None:
+                excess = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
+            return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds), excess)
+
         if condition is None:
-            status, answer = program.solve(problem)
-            torque = self._torque(answer, centre, reach, box, braking)
-            excess, velocity = 0.0, drift + effect.dot(torque)
+            found = result(*program.solve(problem, feasible))
         else:
             change, kick = clipped - wish, velocity - x.velocity
-            allowed, answer = condition.allowed(kick - effect.dot(change)), None
-            if not program.is_constrained:
-                status, answer = program.solve(problem)
-                torque = self._torque(answer, centre, reach, box, braking)
-                velocity = drift + effect.dot(torque)
-                excess = condition.power(torque - wish, velocity - x.velocity) - allowed
-            if answer is None or excess > 0.0:
+            allowed = condition.allowed(kick - effect.dot(change))
+            without = None if program.is_constrained else result(*program.solve(problem, feasible))
+            if without is None or without.storage_excess > 0.0:
                 surplus, slope = condition.power(change, kick) - allowed, condition.slope(change, kick, effect)
-                constraint = _scaled(surplus, slope, condition.curvature(effect), (clipped - centre) / reach, reach)
-                status, answer = program.solve(problem, constraint)
-                torque = self._torque(answer, centre, reach, box, braking)
-                velocity = drift + effect.dot(torque)
-                excess = condition.power(torque - wish, velocity - x.velocity) - allowed
-        self.counts[status] += 1
-        return FilteredTorque(torque, status, kernels.bound_excess(velocity, *bounds), max(0.0, excess))
+                constraint = _scaled(surplus, slope, condition.curvature(effect), box.scaled(clipped), reach)
+                found = result(*program.solve(problem, feasible, constraint))
+            else:
+                found = without
+        self.counts[found.status] += 1
+        return found
 
-    @staticmethod
-    def _torque(answer: Array | None, centre: Array, reach: Array, box: tuple[Array, Array], braking: Array) -> Array:
-        """Return the torque of an answer z, exactly inside the box; the braking torque without an answer."""
-        return braking if answer is None else np.minimum(np.maximum(centre + reach * answer, box[0]), box[1])
-
-    def _scaling(self, box: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-        """Return centre and reach of the box [N·m], and the largest z: 1, but where there is no effort limit."""
+    def _box(self, low: Array, high: Array) -> _Box:
+        """Return the box with its scales."""
         if not self._has_rate:
-            return self._zero, self._scale, self._highest
-        centre, reach = 0.5 * (box[0] + box[1]), 0.5 * (box[1] - box[0])
+            return _Box(low, high, self._zero, self._scale, self._highest)
+        centre, reach = 0.5 * (low + high), 0.5 * (high - low)
         if self._has_infinite_bounds:
             free = np.isinf(reach)
             centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
-            return centre, reach, np.where(free, _UNBOUNDED, 1.0)
-        return centre, reach, self._highest
+            return _Box(low, high, centre, reach, np.where(free, _UNBOUNDED, 1.0))
+        return _Box(low, high, centre, reach, self._highest)
 
 
 def _scaled(excess: float, slope: Array, curvature: Array, centre: Array, reach: Array) -> QuadraticConstraint | None:

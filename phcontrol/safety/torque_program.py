@@ -12,7 +12,6 @@ from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.quadratic_program import ACCEPTED, Problem, QuadraticProgram
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
-_SOME_INSISTENCE = 1e2
 _MOST_TANGENTS = 8
 _SEARCH_STEPS = 60  # for the right weight, where the tangents fail
 
@@ -52,15 +51,13 @@ class TorqueProgram:
         """Whether the quadratic constraint was in the way of the last answer, or given up."""
         return self._gave_up or self._weight > 0.0
 
-    def problem(self, hessian: Array | None, gradient: Array, highest: Array) -> Problem:
-        """Return the problem without a constraint, with ``rows`` and their bounds; the box is |z| ≤ ``highest``."""
-        n = self._n
-        return Problem(hessian, gradient, self.rows[:n], self.lower[:n], self.upper[:n], -highest, highest)
-
-    def solve(self, free: Problem, constraint: QuadraticConstraint | None = None) -> tuple[FilterStatus, Array | None]:
-        """Return z and how it was found; None when no answer passes the check."""
+    def solve(
+        self, free: Problem, feasible: Array, constraint: QuadraticConstraint | None = None
+    ) -> tuple[FilterStatus, Array | None]:
+        """Return z and how it was found; None when no answer passes the check; ``feasible`` meets ``free``."""
+        self._feasible = feasible
         if constraint is None:
-            answer = self._free.solve(free)
+            answer = self._free.solve(free, feasible)
             return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
         insisted = self._insisted(free, constraint) if self._gave_up else None
         if insisted is not None and _proves(free, constraint, insisted):
@@ -75,19 +72,21 @@ class TorqueProgram:
         if insisted is None:
             return FilterStatus.FALLBACK, None
         if constraint.value(insisted) <= 0.0:
-            return self._by_insistence(free, constraint, insisted)
+            answer = self._by_tangents(free, constraint, insisted)
+            return self._by_insistence(free, constraint, insisted) if answer is None else (FilterStatus.SOLVED, answer)
         self._gave_up = True
         return FilterStatus.STORAGE_GIVEN_UP, insisted
 
     def _insisted(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
-        insisting = self._insisting(free, constraint, _INSISTENCE)
-        answer = self._free.solve(insisting)
-        if answer is None and self._free.solve(self._insisting(free, constraint, _SOME_INSISTENCE)) is not None:
-            answer = self._free.solve(insisting)  # from there
-        return answer
+        return self._free.solve(self._insisting(free, constraint, _INSISTENCE), self._feasible)
 
-    def _by_tangents(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
-        """Return the optimum, or None when there is none or it is not found."""
+    def _by_tangents(
+        self, free: Problem, constraint: QuadraticConstraint, feasible: Array | None = None
+    ) -> Array | None:
+        """Return the optimum, or None when there is none or it is not found.
+
+        A ``feasible`` z that meets the constraint, and so all its tangents, helps where the solver fails.
+        """
         n, rows, lower, upper = self._n, self.rows, self.lower, self.upper
         z, weight = constraint.centre if self._start is None else self._start, self._weight
         for _ in range(_MOST_TANGENTS):
@@ -101,7 +100,7 @@ class TorqueProgram:
                 bent = weight * constraint.curvature
                 hessian, gradient = bent + (self._identity if hessian is None else hessian), gradient - bent.dot(z)
             problem = Problem(hessian, gradient, rows, lower, upper, free.lowest, free.highest)
-            answer = self._bounded.solve(problem)
+            answer = self._bounded.solve(problem, feasible)
             if answer is None:
                 return None
             found = max(0.0, float(self._bounded.multipliers[n])) / length if length else 0.0
@@ -129,7 +128,7 @@ class TorqueProgram:
         too_little, enough = 1e-6, _INSISTENCE
         for _ in range(_SEARCH_STEPS):
             weight = math.sqrt(too_little * enough)
-            found = self._free.solve(self._insisting(free, constraint, weight))
+            found = self._free.solve(self._insisting(free, constraint, weight), self._feasible)
             if found is None:
                 break
             value = constraint.value(found)

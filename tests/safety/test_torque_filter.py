@@ -334,7 +334,7 @@ def test_a_joint_without_an_effort_limit_is_not_clipped(shoulder):
 
 def test_a_solver_that_fails_is_replaced_and_reported(pera, monkeypatch):
     filter_, x = at_rest(pera, velocity=0.01)
-    monkeypatch.setattr(QuadraticProgram, "solve", lambda self, problem, patient=True: None)
+    monkeypatch.setattr(QuadraticProgram, "solve", lambda self, problem, feasible=None: None)
     moving = pera.at(x.position, np.full(7, 0.02))
     result = filter_.filter(moving, np.full(7, 5.0), port=PassivePort(np.ones(7), 1.0, np.zeros(7)))
     assert result.status == FilterStatus.FALLBACK
