@@ -277,15 +277,17 @@ static PyObject *active_set_step(PyObject *module, PyObject *const *arguments, P
   }
   if (active <= n) {
     npy_intp size = n + active, width = size + 1;
-    double *equations = workspace_take(&space, size * width);
+    double *equations = workspace_take(&space, size * width), scale = 1.0; /* of the objective: to order one */
+    for (npy_intp i = 0; problem.H != NULL && i < n * n; i++)
+      if (fabs(problem.H[i]) > scale) scale = fabs(problem.H[i]);
     memset(equations, 0, (size_t)(size * width) * sizeof(double));
     for (npy_intp i = 0; i < n; i++) {
       if (problem.H == NULL) {
         equations[i * width + i] = 1.0;
       } else {
-        for (npy_intp j = 0; j < n; j++) equations[i * width + j] = problem.H[i * n + j];
+        for (npy_intp j = 0; j < n; j++) equations[i * width + j] = problem.H[i * n + j] / scale;
       }
-      equations[i * width + size] = -problem.g[i];
+      equations[i * width + size] = -problem.g[i] / scale;
     }
     for (npy_intp k = 0; k < active; k++) {
       npy_intp i = (npy_intp)which[k];
@@ -300,7 +302,7 @@ static PyObject *active_set_step(PyObject *module, PyObject *const *arguments, P
       if (point == NULL || forces == NULL) goto done;
       for (npy_intp i = 0; i < n; i++) x[i] = equations[i * width + size];
       for (npy_intp i = 0; i < m + n; i++) multipliers[i] = 0.0;
-      for (npy_intp k = 0; k < active; k++) multipliers[(npy_intp)which[k]] = equations[(n + k) * width + size];
+      for (npy_intp k = 0; k < active; k++) multipliers[(npy_intp)which[k]] = scale * equations[(n + k) * width + size];
       result = PyTuple_Pack(2, point, forces);
       goto done;
     }

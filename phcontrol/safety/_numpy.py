@@ -120,12 +120,14 @@ def active_set_step(
 ) -> tuple[Array, Array] | None:
     """Return x and multipliers with the active constraints of the given ones as equations; None if singular."""
     n = x.size
-    active, equations, right = active_equations(hessian, gradient, rows, lower, upper, lowest, highest, x, multipliers)
+    active, equations, right, scale = active_equations(
+        hessian, gradient, rows, lower, upper, lowest, highest, x, multipliers
+    )
     if active.size > n or np.linalg.cond(equations) > 1e12:
         return None
     solution: Array = np.asarray(np.linalg.solve(equations, right), dtype=float)
     found = np.zeros_like(multipliers)
-    found[active] = solution[n:]
+    found[active] = scale * solution[n:]
     return solution[:n], found
 
 
@@ -139,8 +141,11 @@ def active_equations(
     highest: Array,
     x: Array,
     multipliers: Array,
-) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return which constraints x and multipliers say are active, and [[H, Aᵀ], [A, 0]] and [−g; b] with them."""
+) -> tuple[NDArray[np.intp], Array, Array, float]:
+    """Return which constraints x and multipliers say are active, [[H/s, Aᵀ], [A, 0]] and [−g/s; b] with them, and s.
+
+    s brings the objective to order one; it is the scale of the forces that the equations give.
+    """
     identity = np.eye(x.size)
     constraints = np.vstack([rows, identity])
     low, high = np.append(lower, lowest), np.append(upper, highest)
@@ -148,7 +153,8 @@ def active_equations(
     above, below = wanted > high, wanted < low
     active = np.flatnonzero(above | below)
     A, b = constraints[active], np.where(above, high, low)[active]
-    H = identity if hessian is None else hessian
+    scale = 1.0 if hessian is None else max(1.0, float(np.abs(hessian).max()))
+    H = identity if hessian is None else hessian / scale
     equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
-    right: Array = np.append(-gradient, b)
-    return active, equations, right
+    right: Array = np.append(-gradient / scale, b)
+    return active, equations, right, scale

@@ -42,5 +42,8 @@ class LeastExcess:
         beyond += 1.0
         lower, upper = np.minimum(lower, beyond), np.maximum(upper, -beyond)
         problem = Problem(self._hessian, self._gradient, self._rows, lower, upper, -self._box, self._box)
-        answer = self._program.solve(problem)
+        z = np.minimum(np.maximum(preferred, -highest), highest)
+        reached = rows.dot(z)
+        feasible = np.concatenate([z, np.minimum(np.maximum(reached, lower), upper) - reached])
+        answer = self._program.solve(problem, feasible)
         return None if answer is None else answer[:n]

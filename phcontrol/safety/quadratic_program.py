@@ -153,17 +153,21 @@ class QuadraticProgram:
         z = problem.accepted(x, multipliers)
         self._warm = z is not None and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
         if z is not None:
-            return self._exact(problem, z, np.array(multipliers))
+            return self._settled(problem, z, np.array(multipliers))
         self._last = None
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             return None
         return self._corrected(problem, x, multipliers)
 
-    def _exact(self, problem: Problem, z: Array, multipliers: Array) -> Array:
-        """Return an accepted answer, exact to rounding where its active constraints give that."""
-        self._last, self.multipliers = (z, multipliers), multipliers
-        exact = self._with_the_same_constraints(problem, z, multipliers)
-        return z if exact is None else exact
+    def _settled(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
+        """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
+        exact = self._with_the_same_constraints(problem, x, multipliers)
+        for step in (_touching(problem, x, multipliers), (x, multipliers)) if exact is None else ():
+            exact = problem.accepted(*step)
+            if exact is not None:
+                self._last, self.multipliers = step, step[1]
+                break
+        return exact
 
     def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum if the constraints that were active last are so again; None otherwise."""
@@ -210,8 +214,7 @@ class QuadraticProgram:
                 continue
             multipliers = np.zeros(m + n)
             multipliers[held] = forces
-            answer = problem.accepted(z, multipliers)
-            return None if answer is None else self._exact(problem, answer, multipliers)
+            return self._settled(problem, z, multipliers)
         return None
 
     def _corrected(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
@@ -229,8 +232,23 @@ class QuadraticProgram:
 
 def _least_squares_step(problem: Problem, x: Array, multipliers: Array) -> tuple[Array, Array]:
     """Return what ``kernels.active_set_step`` does, where the active constraints depend on each other."""
-    active, equations, right = active_equations(*problem, x, multipliers)
+    active, equations, right, scale = active_equations(*problem, x, multipliers)
     solution: Array = np.asarray(np.linalg.lstsq(equations, right, rcond=1e-13)[0], dtype=float)
     found = np.zeros_like(multipliers)
-    found[active] = solution[x.size :]
+    found[active] = scale * solution[x.size :]
     return solution[: x.size], found
+
+
+def _touching(problem: Problem, z: Array, multipliers: Array) -> tuple[Array, Array]:
+    """Return z moved onto its active constraints exactly, and the forces that balance it there.
+
+    Where constraints are nearly dependent (forces of 10⁸ and more), that is closer than all equations at once get.
+    """
+    n = z.size
+    active, equations, right, scale = active_equations(*problem, z, multipliers)
+    A, bounds = equations[n:, :n], right[n:]
+    moved: Array = z + np.linalg.lstsq(A, bounds - A.dot(z), rcond=None)[0]
+    downhill = right[:n] - equations[:n, :n].dot(moved)
+    forces = np.zeros_like(multipliers)
+    forces[active] = scale * np.linalg.lstsq(A.T, downhill, rcond=None)[0]
+    return moved, forces

@@ -13,6 +13,7 @@ from phcontrol.safety.quadratic_program import ACCEPTED, Problem, QuadraticProgr
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
 _MOST_TANGENTS = 8
+_TOUCHING = 1e-12  # by which an answer may miss the quadratic constraint
 _SEARCH_STEPS = 60  # for the right weight, where the tangents fail
 
 
@@ -107,7 +108,8 @@ class TorqueProgram:
             step = answer - z
             bend = constraint.curvature.dot(step)
             # exact: the tangent at z and the weight that it was given are those of the answer
-            if abs(found - weight) * math.sqrt(bend.dot(bend)) <= ACCEPTED and constraint.value(answer) <= ACCEPTED:
+            missed = constraint.value(answer) if found == 0.0 else 0.5 * float(step.dot(bend))
+            if abs(found - weight) * math.sqrt(bend.dot(bend)) <= ACCEPTED and missed <= _TOUCHING:
                 self._start, self._weight = (answer, found) if found else (None, 0.0)
                 return answer
             z, weight = answer, found
@@ -136,7 +138,7 @@ class TorqueProgram:
                 too_little = weight
                 continue
             enough, answer = weight, found
-            if value >= -ACCEPTED:
+            if value >= -_TOUCHING:
                 return FilterStatus.SOLVED, answer
         return FilterStatus.FEASIBLE, answer
 
