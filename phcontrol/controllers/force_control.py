@@ -143,7 +143,7 @@ class ForceControl(DynamicExtension):
 
     def _is_too_fast(self, x: MechanicalState, leading: Array, state_rate: Array) -> bool:
         """Whether w leads the arm at v_max and would lead it faster still."""
-        if leading.dot(leading) < self.approach_speed**2:
+        if math.sqrt(leading.dot(leading)) < self.approach_speed:
             return False
         return bool(leading.dot(x.solve_factor_transposed(self.coupling.dot(state_rate))) > 0.0)
 

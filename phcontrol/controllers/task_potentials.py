@@ -89,6 +89,10 @@ class Holding:
         self.tangential_stiffness = number("tangential_stiffness", tangential_stiffness, minimum=0.0)
         self.rotational_stiffness = number("rotational_stiffness", rotational_stiffness, minimum=0.0)
         self.joint_stiffness = number("joint_stiffness", joint_stiffness, minimum=0.0)
+        if not isinstance(reference, MechanicalState):
+            raise InvalidArgumentError(
+                "reference", f"must be a state of the arm, system.at(position), but is {type(reference).__name__}"
+            )
         direction = vector("normal", normal, 3)
         length = float(np.linalg.norm(direction))
         if length < 1e-9:

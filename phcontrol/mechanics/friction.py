@@ -49,6 +49,9 @@ class StribeckFriction:
         self.static = self.coulomb if static is None else _not_negative("static", static)
         self.stribeck_velocity = finite_array("stribeck_velocity", stribeck_velocity)
         self.smoothing = positive("smoothing", smoothing)
+        shapes = {name: getattr(self, name).shape for name in ("viscous", "coulomb", "static", "stribeck_velocity")}
+        if len(set(shapes.values()) - {()}) > 1:
+            raise InvalidArgumentError("friction", f"needs numbers, or vectors of one length, but has shapes {shapes}")
         if (self.static < self.coulomb).any():
             raise InvalidArgumentError("static", "must not be below coulomb")
         if (self.stribeck_velocity <= 0.0).any():

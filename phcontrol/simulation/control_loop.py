@@ -21,6 +21,7 @@ from phcontrol.simulation.closed_loop import torque_limit_of
 from phcontrol.simulation.sampled_control import SampledControl
 from phcontrol.simulation.timing import Timing, TimingRecorder
 
+_MOST_DAMPING = 1e9  # so that its torque is finite at any finite velocity [N·m·s/rad]
 _STRANGE_IN_A_ROW = 3  # readings that do not fit before the loop stops
 _MISSES_IN_A_ROW = 20  # deadlines missed before the loop stops
 _RECOVERY_TIME = 0.1  # of good readings before the loop starts again by itself [s]
@@ -102,8 +103,8 @@ class ControlLoop:
         self.deadline = self.period if deadline is None else positive("deadline", deadline)
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.2
         damping: Array = inertia if holding_damping is None else per_joint("holding_damping", holding_damping, system.n)
-        if (damping < 0.0).any():
-            raise InvalidArgumentError("holding_damping", "must be finite and not negative")
+        if (damping < 0.0).any() or (damping > _MOST_DAMPING).any():
+            raise InvalidArgumentError("holding_damping", f"must be 0 to {_MOST_DAMPING:g} N·m·s/rad")
         self._damping = np.array(damping)
         self._sampled = SampledControl(controller, period, torque_limit_of(torque_limit, system), torque_filter)
         self._fastest = _JUMP_FACTOR * np.where(

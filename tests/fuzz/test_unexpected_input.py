@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phcontrol import DataFileError, Log, RobotDescriptionError, load_robot
+from phcontrol import (
+    ControlLoop,
+    DataFileError,
+    Holding,
+    InvalidArgumentError,
+    Log,
+    Measured,
+    RobotDescriptionError,
+    StribeckFriction,
+    load_robot,
+    make_controller,
+)
+from tests.conftest import make_system
 from tests.fuzz.targets import TARGETS, run
 from tests.mechanics.test_robot import chain, limits
 
@@ -64,3 +77,32 @@ def test_an_archive_that_is_encrypted_or_compressed_otherwise_is_refused(tmp_pat
         path.write_bytes(damaged)
         with pytest.raises(DataFileError, match="cannot read"):
             Log.load(path)
+
+
+def test_friction_parameters_of_several_lengths_are_refused():
+    with pytest.raises(InvalidArgumentError, match="vectors of one length"):
+        StribeckFriction(coulomb=[1.0, 2.0], static=[2.0, 3.0, 4.0])
+
+
+def test_a_spring_needs_a_state_to_hold():
+    with pytest.raises(InvalidArgumentError, match="reference: must be a state of the arm"):
+        Holding("tool", 1.0, [0.0, 0.0, 1.0])
+
+
+def test_an_approach_speed_beyond_all_numbers_is_as_good_as_none():
+    system = make_system("pera_shoulder")
+    x, state = system.at([0.1, 0.2], [0.1, 0.2]), np.array([0.1, 0.2])
+    torques = [
+        make_controller("force_control", system, feedforward=False, approach_speed=speed)
+        .evaluate(0.0, x, state, Measured(np.zeros(2)))
+        .torque
+        for speed in (1e308, 1e3)
+    ]
+    np.testing.assert_array_equal(*torques)
+
+
+def test_damping_beyond_all_numbers_is_refused():
+    """On the way to a stop 0 · ∞ came out of it, which no limit clips."""
+    system = make_system("pera_shoulder")
+    with pytest.raises(InvalidArgumentError, match=r"holding_damping: must be 0 to 1e\+09"):
+        ControlLoop(system, make_controller("energy_shaping", system), period=1e-3, holding_damping=1e308)
