@@ -321,7 +321,7 @@ def test_a_network_that_dies_leaves_an_arm_at_rest(pera):
         ({"stop_time": np.nan}, "stop_time: must be finite"),
         ({"stale_after": 0.0}, "stale_after: must be > 0"),
         ({"deadline": 0.0}, "deadline: must be > 0"),
-        ({"holding_damping": -1.0}, "holding_damping: must be finite and not negative"),
+        ({"holding_damping": -1.0}, "holding_damping: must be 0 to"),
         ({"torque_limit": -5.0}, "torque_limit: must be > 0"),
         ({"torque_filter": "strong"}, "torque_filter: must be a TorqueFilter"),
     ],
