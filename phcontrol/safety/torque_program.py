@@ -9,11 +9,11 @@ import numpy as np
 from phcontrol._validation import Array
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import ACCEPTED, Problem, QuadraticProgram
+from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
 _MOST_TANGENTS = 8
-_TOUCHING = 1e-12  # by which an answer may miss the quadratic constraint
+_TOUCHING = 1e-12  # by which an answer may miss the quadratic constraint, and the balance of forces on it
 _SEARCH_STEPS = 60  # for the right weight, where the tangents fail
 
 
@@ -109,7 +109,7 @@ class TorqueProgram:
             bend = constraint.curvature.dot(step)
             # exact: the tangent at z and the weight that it was given are those of the answer
             missed = constraint.value(answer) if found == 0.0 else 0.5 * float(step.dot(bend))
-            if abs(found - weight) * math.sqrt(bend.dot(bend)) <= ACCEPTED and missed <= _TOUCHING:
+            if abs(found - weight) * math.sqrt(bend.dot(bend)) <= _TOUCHING and missed <= _TOUCHING:
                 self._start, self._weight = (answer, found) if found else (None, 0.0)
                 return answer
             z, weight = answer, found
