@@ -1,4 +1,4 @@
-"""Mutation testing of mechanics/ and controllers/: does some test fail when a line is wrong?
+"""Mutation testing of mechanics/ and controllers/ (and safety/): does some test fail when a line is wrong?
 
     pip install cosmic-ray
     nice -n 19 python tests/mutation/mutants.py --sample 600 --seed 0 --out mutants.jsonl
@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("mechanics", "controllers")
+FOLDERS = ("mechanics", "controllers", "safety")
 SLIPS = {
     "Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul",
     "Lt_LtE", "Lt_Gt", "LtE_Lt", "LtE_GtE", "Gt_GtE", "Gt_Lt", "GtE_Gt", "GtE_LtE", "Eq_NotEq", "NotEq_Eq", "Is_IsNot",
@@ -40,17 +40,18 @@ TIMEOUT = 180  # [s]
 TESTS = {
     "mechanics": ["tests/mechanics", "tests/analysis/test_certificate.py", "tests/controllers"],
     "controllers": ["tests/controllers", "tests/analysis/test_certificate.py"],
+    "safety": ["tests/safety"],
 }
 WIDE = ["tests/simulation", "tests/safety", "tests/environments", "tests/analysis", "tests/test_cli.py"]
 
 
-def mutants(root: Path) -> list[dict[str, Any]]:
-    """List every mutant: module, operator, occurrence and place."""
+def mutants(root: Path, folders: tuple[str, ...]) -> list[dict[str, Any]]:
+    """List every mutant in some folders: module, operator, occurrence and place."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator, operator_names
 
     found = []
-    for folder in FOLDERS:
+    for folder in folders:
         for path in sorted((root / "phcontrol" / folder).glob("*.py")):
             source = path.read_text()
             tree, silent = get_ast(source), annotations(source)
@@ -160,12 +161,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sample", type=int, default=0, help="how many mutants; 0 for all")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folders", nargs="+", choices=FOLDERS, default=["mechanics", "controllers"])
     parser.add_argument("--only", default="", help="part of a module's path")
     parser.add_argument("--retry", type=Path, help="a file of results: try only its survivors")
     parser.add_argument("--wide", action="store_true", help="try the tests of more distant modules too")
     parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
     options = parser.parse_args()
-    everything = [mutant for mutant in mutants(ROOT) if options.only in mutant["module"]]
+    everything = [mutant for mutant in mutants(ROOT, tuple(options.folders)) if options.only in mutant["module"]]
     chosen = everything
     if options.retry:
         chosen = [json.loads(line) for line in options.retry.read_text().splitlines()]
@@ -180,7 +182,7 @@ def main() -> None:
         ignore = shutil.ignore_patterns(".git", ".venv", "__pycache__", "results", ".hypothesis")
         shutil.copytree(ROOT, copy, ignore=ignore)
         counts: Counter[str] = Counter()
-        for folder_name in FOLDERS:
+        for folder_name in options.folders:
             code = try_mutant(copy, nearest_tests(copy, f"phcontrol/{folder_name}/none.py", options.wide))
             assert code == 0, f"the tests of {folder_name} fail without a mutation: {code}"
         with options.out.open("w") as out:
