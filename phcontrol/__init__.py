@@ -6,7 +6,7 @@ from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
-from phcontrol.controllers.controller import Command, Controller, Shaping, Target
+from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
@@ -48,6 +48,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
+from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
@@ -131,6 +132,7 @@ __all__ = [
     "ObservedObject",
     "PHControlError",
     "PacketFaults",
+    "PassivePort",
     "PinholeCamera",
     "Posture",
     "PowerBalance",
@@ -155,6 +157,7 @@ __all__ = [
     "Sinusoid",
     "SphereContact",
     "Step",
+    "StorageCondition",
     "StribeckFriction",
     "Target",
     "TorqueFilter",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,17 @@ def test_every_public_name_is_documented(site):
     constants = {"CONTROLLERS", "INTEGRATORS", "NOTHING", "__version__"}
     missing = [name for name in phcontrol.__all__ if f'id="phcontrol.{name}"' not in text and name not in constants]
     assert missing == []
+
+
+def test_what_docstrings_refer_to_is_linked(site):
+    """No role is left as it was written, and every link leads to a name that is on its page."""
+    texts = {path.name: path.read_text() for path in (site / "api").glob("*.html")}
+    links = {link for text in texts.values() for link in re.findall(r'href="(\w+\.html)#(phcontrol\.[\w.]+)"', text)}
+    assert len(links) > 10
+    for page, anchor in links:
+        assert f'id="{anchor}"' in texts[page], anchor
+    for name, text in texts.items():
+        assert re.findall(r":(?:class|func|meth):.{40}", text) == [], name
 
 
 @pytest.mark.browser

@@ -28,7 +28,9 @@ class IntegralAction(ForceFeedback):
     them (q̃, q̃) = −K_iK_p⁻¹, (p̃, ξ) = −T⁻¹, (ξ, p̃) = T⁻ᵀ; f_e enters as [0; T⁻¹; 0; 0]. Under a constant
     f_e the arm rests at q_d with ξ = f_e; ½|ξ − f_e|² in place of ½|ξ|² is then the Lyapunov function.
 
-    Args: those of :class:`ForceFeedback` without ``measured``, and
+    Arguments are those of :class:`ForceFeedback` without ``measured``, and
+
+    Args:
         integral_gain: K_i, scalar, vector or matrix [1/s], such that K_iᵀK_p + K_pK_i is positive definite
             (diagonal gains are when they are positive).
     """
