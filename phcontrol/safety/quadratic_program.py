@@ -161,13 +161,13 @@ class QuadraticProgram:
 
     def _settled(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
-        exact = self._with_the_same_constraints(problem, x, multipliers)
-        for step in (_touching(problem, x, multipliers), (x, multipliers)) if exact is None else ():
+        solved = kernels.active_set_step(*problem, x, multipliers) or (x, multipliers)
+        for step in (_touching(problem, *solved), solved, (x, multipliers)):
             exact = problem.accepted(*step)
             if exact is not None:
                 self._last, self.multipliers = step, step[1]
-                break
-        return exact
+                return exact
+        return None
 
     def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum if the constraints that were active last are so again; None otherwise."""
