@@ -125,6 +125,8 @@ def test_without_a_torque_rate_nothing_is_anticipated_and_single_joints_may_have
         ({"position_margin": 2.0}, "must be above lower"),
         ({"position_margin": -1.0}, "position_margin: must be >= 0"),
         ({"velocity_margin": 1.0}, "velocity_margin: must be <= 0.9"),
+        ({"velocity_margin": -0.1}, "velocity_margin: must be >= 0"),
+        ({"lower": 0.0, "upper": 0.0}, "must be above lower"),
         ({"torque_rate": 0.0}, "torque_rate: must be > 0"),
         ({"braking_acceleration": np.inf}, "braking_acceleration: must be finite"),
         ({"torque_rate": 1.0}, r"torque_rate: .* too little to follow the load at full speed: joint '\w+' needs more"),

@@ -58,6 +58,12 @@ def test_random_cases_agree_with_exact_solvers(seed):
     assert tally.relaxed > 200
 
 
+def test_the_statuses_keep_their_numbers():
+    """They are stored in logs."""
+    names = ["PASSED", "CLIPPED", "SOLVED", "FEASIBLE", "STORAGE_GIVEN_UP", "FALLBACK"]
+    assert {status.name: int(status) for status in FilterStatus} == {name: k for k, name in enumerate(names)}
+
+
 def at_rest(system, **limits):
     filter_ = TorqueFilter(system, period=PERIOD, limits=Limits(system, **limits))
     return filter_, system.at(0.5 * (system.robot.lower + system.robot.upper))
