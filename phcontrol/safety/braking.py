@@ -23,7 +23,8 @@ def braking_acceleration_within(system: MechanicalSystem, effort: Array, velocit
     Raises InvalidArgumentError when the motors cannot even hold the arm somewhere.
     """
     levers, loads = np.zeros((_SAMPLES, system.n, system.n)), np.zeros((_SAMPLES, system.n))
-    for sample, (position, speed, inverse, _) in enumerate(_samples(system, velocity)):
+    inverse = _inverse_input(system)
+    for sample, (position, speed) in enumerate(_samples(system, velocity)):
         x = system.at(position, speed)
         levers[sample] = np.abs(inverse @ x.mass_matrix)
         loads[sample] = np.abs(inverse @ (x.coriolis_matrix @ x.velocity + x.potential_gradient))
@@ -52,16 +53,11 @@ def braking_jerk_within(system: MechanicalSystem, torque_rate: Array, velocity: 
     if not limited.any():
         return np.full(system.n, np.inf)
     levers, rates = np.zeros((_SAMPLES, system.n, system.n)), np.zeros((_SAMPLES, system.n))
-    for sample, (position, speed, inverse, share) in enumerate(_samples(system, velocity)):
-        a = share * acceleration
-
-        def load(time: float, position: Array = position, speed: Array = speed, a: Array = a) -> Array:
-            x = system.at(position + time * speed + 0.5 * time * time * a, speed + time * a)
-            torque: Array = x.mass_matrix @ a + x.coriolis_matrix @ x.velocity + x.potential_gradient
-            return torque
-
+    inverse = _inverse_input(system)
+    for sample, (position, speed) in enumerate(_samples(system, velocity)):
+        a = np.random.default_rng(sample).uniform(-1.0, 1.0, system.n) * acceleration
         levers[sample] = np.abs(inverse @ system.at(position).mass_matrix)
-        rates[sample] = np.abs(inverse @ (load(_STEP) - load(-_STEP))) / (2.0 * _STEP)
+        rates[sample] = np.abs(inverse @ _load_rate(system, position, speed, a))
     reserves = (_RESERVE * torque_rate - rates)[:, limited]
     scarce = reserves.min(axis=0)
     if (scarce <= 0.0).any():
@@ -77,21 +73,30 @@ def braking_jerk_within(system: MechanicalSystem, torque_rate: Array, velocity: 
     return result
 
 
-def _samples(system: MechanicalSystem, velocity: Array) -> list[tuple[Array, Array, Array, Array]]:
-    """Return positions, velocities inside the limits, G⁻¹, and shares of an acceleration in any directions."""
+def _load_rate(system: MechanicalSystem, position: Array, speed: Array, acceleration: Array) -> Array:
+    """Return d/dt(M a + C q̇ + ∂V/∂q) along the motion with a constant acceleration a, shape (n,) [N·m/s]."""
+
+    def load(time: float) -> Array:
+        moved = position + time * speed + 0.5 * time * time * acceleration
+        x = system.at(moved, speed + time * acceleration)
+        torque: Array = x.mass_matrix @ acceleration + x.coriolis_matrix @ x.velocity + x.potential_gradient
+        return torque
+
+    return (load(_STEP) - load(-_STEP)) / (2.0 * _STEP)
+
+
+def _samples(system: MechanicalSystem, velocity: Array) -> list[tuple[Array, Array]]:
+    """Return positions, and velocities inside the limits."""
     generator, n = np.random.default_rng(0), system.n
-    matrix = system.input_matrix
-    inverse: Array = np.eye(n) if matrix is None else np.asarray(np.linalg.inv(matrix), dtype=float)
     swing = np.where(np.isinf(velocity), 0.0, velocity)
-    return [
-        (
-            system.robot.random_position(generator),
-            generator.uniform(-1.0, 1.0, n) * swing,
-            inverse,
-            np.random.default_rng(sample).uniform(-1.0, 1.0, n),
-        )
-        for sample in range(_SAMPLES)
-    ]
+    return [(system.robot.random_position(generator), generator.uniform(-1.0, 1.0, n) * swing) for _ in range(_SAMPLES)]
+
+
+def _inverse_input(system: MechanicalSystem) -> Array:
+    """Return G⁻¹."""
+    matrix = system.input_matrix
+    inverse: Array = np.eye(system.n) if matrix is None else np.asarray(np.linalg.inv(matrix), dtype=float)
+    return inverse
 
 
 def _within(levers: Array, reserves: Array, most: Array) -> Array:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.quadratic_program import UNBOUNDED, Problem, QuadraticProgram
 
 _INSISTENCE = 1e4  # weight of the excess against the distance from the preferred point
-_UNBOUNDED = 1e20
 
 
 class LeastExcess:
@@ -25,7 +24,7 @@ class LeastExcess:
         self._n = n
         self._program = QuadraticProgram(2 * n, n)
         self._hessian = np.diag(np.concatenate([np.ones(n), np.full(n, _INSISTENCE)]))
-        self._gradient, self._box = np.zeros(2 * n), np.full(2 * n, _UNBOUNDED)
+        self._gradient, self._box = np.zeros(2 * n), np.full(2 * n, UNBOUNDED)
         self._rows = np.hstack([np.zeros((n, n)), np.eye(n)])
 
     def reset(self) -> None:

@@ -17,6 +17,9 @@ ACCURACY = 1e-10
 ACCEPTED = 1e-10
 """The largest residual of an answer that is believed, in scaled units, but for the rounding of large numbers."""
 
+UNBOUNDED = 1e20
+"""What ProxQP takes for no bound."""
+
 _ROUNDING = 1e-14  # of sums of gradient and forces, relative to them
 _MOST_ITERATIONS = 60
 _MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
@@ -80,10 +83,12 @@ class QuadraticProgram:
     Mostly the constraints that were active last are active again: then one set of equations gives the optimum, and
     ProxQP is not asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
     ``ACCEPTED``. Where ProxQP's is not that exact, the equations of the constraints that it found active are solved
-    directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); the
-    result is checked likewise. Three traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it
-    gives up problems that have solutions; a large gradient beside bounds of order one spoils it, so that the objective
-    is scaled here; and multipliers left by a problem without a solution spoil the next warm start.
+    directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); where
+    that fails too, a primal active-set method goes on from a feasible point, if one is known. All results are checked
+    likewise. Four traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it gives up problems
+    that have solutions; a large gradient beside bounds of order one spoils it, so that the objective is scaled here;
+    what a problem without a solution leaves spoils the next start, so that a new solver is made; and on contradictory
+    bounds it would iterate for half a second.
     """
 
     def __init__(self, n: int, m: int) -> None:
@@ -95,6 +100,11 @@ class QuadraticProgram:
         """Forget the last answer."""
         self._start_afresh()
         self._last: tuple[Array, Array] | None = None
+
+    @property
+    def multipliers(self) -> Array:
+        """Of rows and box, of the last answer; none before the first."""
+        return np.zeros(self._m + self._n) if self._last is None else self._last[1]
 
     def _start_afresh(self) -> None:
         """Make a new solver: after a failure an old one mostly fails again."""
@@ -146,14 +156,11 @@ class QuadraticProgram:
         solver.update(H, gradient, None, None, *problem[2:])
         solver.solve()
         results = solver.results
-        x, multipliers = results.x, results.z
-        self.multipliers = multipliers
-        if size != 1.0:
-            self.multipliers = multipliers = size * multipliers
+        x, multipliers = results.x, size * results.z
         z = problem.accepted(x, multipliers)
         self._warm = z is not None and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
         if z is not None:
-            return self._settled(problem, z, np.array(multipliers))
+            return self._settled(problem, z, multipliers)
         self._last = None
         if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
             return None
@@ -163,21 +170,22 @@ class QuadraticProgram:
         """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
         solved = kernels.active_set_step(*problem, x, multipliers) or (x, multipliers)
         for step in (_touching(problem, *solved), solved, (x, multipliers)):
-            exact = problem.accepted(*step)
-            if exact is not None:
-                self._last, self.multipliers = step, step[1]
-                return exact
+            answer = self._believed(problem, step)
+            if answer is not None:
+                return answer
         return None
+
+    def _believed(self, problem: Problem, step: tuple[Array, Array]) -> Array | None:
+        """Return and remember what x and multipliers give if that passes the check, else None."""
+        answer = problem.accepted(*step)
+        if answer is not None:
+            self._last = step
+        return answer
 
     def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum if the constraints that were active last are so again; None otherwise."""
         step = kernels.active_set_step(*problem, x, multipliers)
-        if step is None:
-            return None
-        answer = problem.accepted(*step)
-        if answer is not None:
-            self._last, self.multipliers = step, step[1]
-        return answer
+        return None if step is None else self._believed(problem, step)
 
     def _from_feasible(self, problem: Problem, z: Array) -> Array | None:
         """Return the optimum by a primal active-set method from a feasible z; None when that does not get there.
@@ -223,10 +231,9 @@ class QuadraticProgram:
             x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
                 problem, x, multipliers
             )
-            z = problem.accepted(x, multipliers)
-            if z is not None:
-                self._last, self.multipliers = (x, multipliers), multipliers
-                return z
+            answer = self._believed(problem, (x, multipliers))
+            if answer is not None:
+                return answer
         return None
 
 

@@ -18,13 +18,12 @@ from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import Problem
+from phcontrol.safety.quadratic_program import UNBOUNDED, Problem
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
 
 _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
-_UNBOUNDED = 1e20  # what ProxQP takes for no bound
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
@@ -127,7 +126,7 @@ class TorqueFilter:
         effort = self.limits.effort
         bounded = np.isfinite(effort)
         self._scale: Array = np.where(bounded, effort, _NO_EFFORT_LIMIT)
-        self._highest: Array = np.where(bounded, 1.0, _UNBOUNDED)
+        self._highest: Array = np.where(bounded, 1.0, UNBOUNDED)
         self._zero = np.zeros(system.n)
         self._has_infinite_bounds = not (bounded.all() and np.isfinite(self.limits.velocity).all())
         self._braking_step = self.period * self.limits.braking_acceleration
@@ -172,7 +171,7 @@ class TorqueFilter:
             torque: u★, what the law wishes [N·m], finite.
             previous: the torque applied until now [N·m], for the rate limit; None for a start without one.
             external_force: f_e [N·m] as far as it is known, for the prediction.
-            port: ŷ and the dissipated power of the law (``Controller.passive_port``); None leaves condition 4 out.
+            port: of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
         low, high = self._range(previous)
         clipped = np.minimum(np.maximum(torque, low), high)
@@ -286,8 +285,8 @@ class TorqueFilter:
         safe = self._braking(x, motion, bounds, box)
         keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds, safe, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
-            np.maximum(lower, -_UNBOUNDED, out=lower)
-            np.minimum(upper, _UNBOUNDED, out=upper)
+            np.maximum(lower, -UNBOUNDED, out=lower)
+            np.minimum(upper, UNBOUNDED, out=upper)
         feasible = box.scaled(safe)
         if not keeps:
             feasible = self._widen(rows, lower, upper, box, feasible)
@@ -326,7 +325,7 @@ class TorqueFilter:
         if self._has_infinite_bounds:
             free = np.isinf(reach)
             centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
-            return _Box(low, high, centre, reach, np.where(free, _UNBOUNDED, 1.0))
+            return _Box(low, high, centre, reach, np.where(free, UNBOUNDED, 1.0))
         return _Box(low, high, centre, reach, self._highest)
 
 

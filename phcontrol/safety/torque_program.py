@@ -56,11 +56,10 @@ class TorqueProgram:
         self, free: Problem, feasible: Array, constraint: QuadraticConstraint | None = None
     ) -> tuple[FilterStatus, Array | None]:
         """Return z and how it was found; None when no answer passes the check; ``feasible`` meets ``free``."""
-        self._feasible = feasible
         if constraint is None:
             answer = self._free.solve(free, feasible)
             return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
-        insisted = self._insisted(free, constraint) if self._gave_up else None
+        insisted = self._insisted(free, constraint, feasible) if self._gave_up else None
         if insisted is not None and _proves(free, constraint, insisted):
             return FilterStatus.STORAGE_GIVEN_UP, insisted
         self._gave_up = False
@@ -69,7 +68,7 @@ class TorqueProgram:
             return FilterStatus.SOLVED, answer
         self._start, self._weight = None, 0.0
         if insisted is None:
-            insisted = self._insisted(free, constraint)
+            insisted = self._insisted(free, constraint, feasible)
         if insisted is None:
             return FilterStatus.FALLBACK, None
         if constraint.value(insisted) <= 0.0:
@@ -78,8 +77,18 @@ class TorqueProgram:
         self._gave_up = True
         return FilterStatus.STORAGE_GIVEN_UP, insisted
 
-    def _insisted(self, free: Problem, constraint: QuadraticConstraint) -> Array | None:
-        return self._free.solve(self._insisting(free, constraint, _INSISTENCE), self._feasible)
+    def _insisted(
+        self, free: Problem, constraint: QuadraticConstraint, feasible: Array, weight: float = _INSISTENCE
+    ) -> Array | None:
+        """Return the optimum with the constraint's left side, weighed, in the objective."""
+        bent = self._bent(free, constraint, weight, constraint.centre)
+        return self._free.solve(bent._replace(gradient=bent.gradient + weight * constraint.slope), feasible)
+
+    def _bent(self, free: Problem, constraint: QuadraticConstraint, weight: float, z: Array) -> Problem:
+        """Return the problem with ½·weight·(y − z)ᵀK(y − z) in the objective, K the constraint's curvature."""
+        curvature = weight * constraint.curvature
+        hessian = curvature + (self._identity if free.hessian is None else free.hessian)
+        return free._replace(hessian=hessian, gradient=free.gradient - curvature.dot(z))
 
     def _by_tangents(
         self, free: Problem, constraint: QuadraticConstraint, feasible: Array | None = None
@@ -96,12 +105,8 @@ class TorqueProgram:
             if bound < -extent:
                 return None
             rows[n], lower[n], upper[n] = row, -extent - 1.0, min(bound, extent + 1.0)
-            hessian, gradient = free.hessian, free.gradient
-            if weight > 0.0:
-                bent = weight * constraint.curvature
-                hessian, gradient = bent + (self._identity if hessian is None else hessian), gradient - bent.dot(z)
-            problem = Problem(hessian, gradient, rows, lower, upper, free.lowest, free.highest)
-            answer = self._bounded.solve(problem, feasible)
+            bent = self._bent(free, constraint, weight, z) if weight > 0.0 else free
+            answer = self._bounded.solve(bent._replace(rows=rows, lower=lower, upper=upper), feasible)
             if answer is None:
                 return None
             found = max(0.0, float(self._bounded.multipliers[n])) / length if length else 0.0
@@ -115,14 +120,6 @@ class TorqueProgram:
             z, weight = answer, found
         return None
 
-    def _insisting(self, free: Problem, constraint: QuadraticConstraint, weight: float) -> Problem:
-        """Return the problem with the constraint's left side in the objective."""
-        bent = weight * constraint.curvature
-        gradient = free.gradient + weight * constraint.slope - bent.dot(constraint.centre)
-        return free._replace(
-            hessian=bent + (self._identity if free.hessian is None else free.hessian), gradient=gradient
-        )
-
     def _by_insistence(
         self, free: Problem, constraint: QuadraticConstraint, answer: Array
     ) -> tuple[FilterStatus, Array]:
@@ -130,7 +127,7 @@ class TorqueProgram:
         too_little, enough = 1e-6, _INSISTENCE
         for _ in range(_SEARCH_STEPS):
             weight = math.sqrt(too_little * enough)
-            found = self._free.solve(self._insisting(free, constraint, weight), self._feasible)
+            found = self._insisted(free, constraint, answer, weight)
             if found is None:
                 break
             value = constraint.value(found)

@@ -186,25 +186,28 @@ def test_over_a_period_the_storage_function_does_not_grow(panda_arm):
 @pytest.mark.parametrize("arm", ["pera", "pera_gripper", "geared"])
 def test_the_resistance_is_half_the_slope_of_the_losses(law, arm):
     """By differences of ∇H_dᵀR_d∇H_d along q̇, R_d held: exact, for it is quadratic."""
+    for controller, x, state, measured in drawn(law, arm, seed=9, count=1):
+        port = controller.passive_port(0.3, x, state, measured)
+        R = controller.target(0.3, x, state, measured).dissipation
+
+        def losses(velocity, controller=controller, x=x, state=state, measured=measured, R=R):
+            gradient = controller.target(0.3, x.system.at(x.position, velocity), state, measured).gradient
+            return gradient @ R @ gradient
+
+        slope = [0.5 * (losses(x.velocity + unit) - losses(x.velocity - unit)) for unit in np.eye(x.system.n)]
+        scale = 1.0 + np.abs(port.resistance).max()
+        np.testing.assert_allclose(port.resistance, 0.5 * np.array(slope), atol=1e-9 * scale)
+
+
+def drawn(law, arm, seed, count):
+    """Draw states of a law and an arm, if the law can be made for it."""
     system = geared() if arm == "geared" else make_system(arm)
     if law not in laws_for(system):
         return
-    rng, n = np.random.default_rng(9), system.n
-    controller = make_controller(law, system)
-    x = system.at(system.robot.random_position(rng), rng.normal(size=n))
-    state, measured = controller.random_state(rng), measured_at(controller, x, rng)
-    port, R = (
-        controller.passive_port(0.3, x, state, measured),
-        controller.target(0.3, x, state, measured).dissipation,
-    )
-
-    def losses(velocity):
-        gradient = controller.target(0.3, system.at(x.position, velocity), state, measured).gradient
-        return gradient @ R @ gradient
-
-    slope = [0.5 * (losses(x.velocity + unit) - losses(x.velocity - unit)) for unit in np.eye(n)]
-    scale = 1.0 + np.abs(port.resistance).max()
-    np.testing.assert_allclose(port.resistance, 0.5 * np.array(slope), atol=1e-9 * scale)
+    rng, controller = np.random.default_rng(seed), make_controller(law, system)
+    for _ in range(count):
+        x = system.at(system.robot.random_position(rng), rng.normal(size=system.n))
+        yield controller, x, controller.random_state(rng), measured_at(controller, x, rng)
 
 
 def geared():
@@ -217,14 +220,8 @@ def geared():
 @pytest.mark.parametrize("arm", ["pera", "pera_gripper", "geared"])
 def test_the_passive_port_is_what_target_and_storage_say(law, arm):
     """ŷ = ∂Ḣ_d/∂u by moving the torque, the dissipated power from the target: for every law."""
-    system = geared() if arm == "geared" else make_system(arm)
-    if law not in laws_for(system):
-        return
-    rng, n = np.random.default_rng(8), system.n
-    controller = make_controller(law, system)
-    for _ in range(5):
-        x = system.at(system.robot.random_position(rng), rng.normal(size=n))
-        state, measured = controller.random_state(rng), measured_at(controller, x, rng)
+    for controller, x, state, measured in drawn(law, arm, seed=8, count=5):
+        system, n = x.system, x.system.n
         port = controller.passive_port(0.3, x, state, measured)
         target = controller.target(0.3, x, state, measured)
         power = target.gradient @ target.dissipation @ target.gradient
