@@ -1,7 +1,8 @@
 """Energy-based control of robot arms, with a certificate for every controller."""
 
 from phcontrol._version import __version__
-from phcontrol.analysis.certificate import Certificate, certify
+from phcontrol.analysis.certificate import Certificate
+from phcontrol.analysis.certify import certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain

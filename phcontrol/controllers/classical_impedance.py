@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
-from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
+from phcontrol.controllers.controller import Controller, Drive, PassivePort, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.force_regulation import (
+    DRIVEN_BY,
+    OUTER_LOOP_CAVEAT,
+    RESTS_IN_CONTACT,
+    ForceRegulation,
+    check_regulation,
+)
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -81,6 +87,20 @@ class ClassicalImpedance(Controller):
         """Say that regulation puts energy in."""
         return "" if self.regulation is None else OUTER_LOOP_CAVEAT
 
+    @property
+    def driven_by(self) -> str:
+        """With regulation, the error of the contact force."""
+        return "" if self.regulation is None else DRIVEN_BY
+
+    @property
+    def lacks_minimum(self) -> str:
+        """With regulation the law rests in contact only."""
+        return "" if self.regulation is None else RESTS_IN_CONTACT
+
+    def rest_force(self, x: MechanicalState) -> Array | None:
+        """Return f_d, with regulation."""
+        return None if self.regulation is None else self.regulation.force
+
     def _error(self, x: MechanicalState, state: Array) -> Array:
         error = x.position_error(self.goal)
         return error if self.regulation is None else error - state
@@ -111,14 +131,15 @@ class ClassicalImpedance(Controller):
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q − q_f, p̄); a moving q_f drives its first row."""
         zero, inverse = np.zeros((x.system.n, x.system.n)), x.solve_factor(np.eye(x.system.n))
-        drift = None
+        drive = None
         if self.regulation is not None and measured.external_force is not None:
-            drift = np.concatenate([-self.regulation.rate(measured.external_force), np.zeros(x.system.n)])
+            port = np.vstack([-np.eye(x.system.n), zero])
+            drive = Drive(port, self.regulation.rate(measured.external_force))
         return Target(
             coordinates=self.coordinates(t, x, state),
             interconnection=np.block([[zero, inverse.T], [-inverse, x.interconnection(self.interconnection)]]),
             dissipation=np.block([[zero, zero], [zero, inverse @ self.damping @ inverse.T]]),
             gradient=np.concatenate([self.stiffness.dot(self._error(x, state)), x.transformed_momentum]),
             port=np.vstack([zero, zero if self.compensates else inverse]),
-            drift=drift,
+            drive=drive,
         )

@@ -91,6 +91,19 @@ class Shaping(NamedTuple):
     """Rate of the controller's own state."""
 
 
+class Drive(NamedTuple):
+    """What moves a closed loop beside its energy and f_e: a goal that moves, a force that is desired.
+
+    It comes from outside: ``signal`` depends on time and measurements alone, never on the state of arm or controller,
+    and it enters no row of a momentum (that would be a torque, and no promise).
+    """
+
+    port: Array
+    """How the signal enters, shape (len(x), k)."""
+    signal: Array
+    """Shape (k,)."""
+
+
 @dataclass(frozen=True)
 class Target:
     """The port-Hamiltonian system that a law promises: ẋ = (J − R)∇H_d + port·f_e, at one state."""
@@ -105,13 +118,17 @@ class Target:
     """∇H_d with respect to x."""
     port: Array
     """How f_e enters, shape (len(x), n)."""
-    drift: Array | None = None
-    """What else drives ẋ, beside energy and f_e (a goal that moves, a force that is wished); None for nothing."""
+    drive: Drive | None = None
+    """What else moves x; only for a law that says what it is driven by (``Controller.driven_by``)."""
 
     def rate(self, external_force: Array) -> Array:
         """Return ẋ as promised, under an external force [N·m]."""
         rate: Array = (self.interconnection - self.dissipation) @ self.gradient + self.port @ external_force
-        return rate if self.drift is None else rate + self.drift
+        return rate if self.drive is None else rate + self.driven()
+
+    def driven(self) -> Array:
+        """Return the part of ẋ that the drive makes."""
+        return np.zeros(len(self.gradient)) if self.drive is None else self.drive.port @ self.drive.signal
 
 
 class Controller(ABC):
@@ -142,7 +159,20 @@ class Controller(ABC):
 
     @property
     def caveat(self) -> str:
-        """What the law does not claim: empty when its closed loop is passive from f_e to ŷ."""
+        """What the law does not claim, in words; empty when there is nothing to say."""
+        return ""
+
+    @property
+    def driven_by(self) -> str:
+        """What drives the closed loop from outside (``Target.drive``); empty when it is passive from f_e to ŷ."""
+        return ""
+
+    @property
+    def lacks_minimum(self) -> str:
+        """What the law has instead of a strict minimum of H_d where it rests; empty when it has one.
+
+        A law with a minimum promises asymptotic stability too. One without may keep modes that neither grow nor fade.
+        """
         return ""
 
     # --- what a law states ----------------------------------------------------------------------
@@ -211,8 +241,38 @@ class Controller(ABC):
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia at the goal."""
 
-    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene | None:
-        """Draw something to see from a state, for checks at random states; None for a law without eyes."""
+    @property
+    def time_span(self) -> float:
+        """How long the law goes on changing with time [s]; 0 for a law that does not."""
+        return 0.0
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """Times at which another law takes over [s], the first of them 0."""
+        return (0.0,)
+
+    def active(self, t: float) -> Controller:
+        """Return the law that acts at time t [s]."""
+        return self
+
+    def rest_posture(self, t: float) -> Array:
+        """Return the posture near which the law rests at time t [s], shape (n,) [rad]: its goal, or the arm's home."""
+        posture = self.target_posture(t)
+        return self.system.robot.home if posture is None else posture
+
+    def rest_force(self, x: MechanicalState) -> Array | None:
+        """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""
+        return None
+
+    def rest_scene(self, x: MechanicalState) -> Scene | None:
+        """Return what is to be seen where the law rests; None for a law without eyes."""
+        return None
+
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator, spread: float = 1.0) -> Scene | None:
+        """Draw something to see from a state, for checks; with a small ``spread`` close to what the law desires.
+
+        None for a law without eyes.
+        """
         return None
 
     def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:

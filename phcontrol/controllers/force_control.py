@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, positive, sequence, vector
-from phcontrol.controllers.controller import Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import Drive, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.task_potentials import JointForce, PointForce, TaskPotential
 from phcontrol.exceptions import InvalidArgumentError
@@ -34,6 +34,10 @@ class ForceControl(DynamicExtension):
     place of the spring: H_d = ½|p̂|² + Ψ + ½wᵀK_z⁻¹w. Alone it has no minimum, together with the environment's
     own potential it has one where f_e = f_d.
 
+    Without feedforward, and while the arm approaches under a speed limit, Ψ = U, and f_d drives w from outside by
+    −YᵀT⁻¹f_d. Holding w takes ẇ and with it the power wᵀK_z⁻¹ẇ > 0 out: the promise has it as the dissipation
+    ẇẇᵀ/(wᵀK_z⁻¹ẇ) of w. At the contact H_d jumps by f_dᵀq.
+
     Args:
         system: the model of the arm.
         force: f_d, one entry a joint [N·m]; or with ``frame`` the force on that frame's origin in the world, (3,) [N].
@@ -43,9 +47,8 @@ class ForceControl(DynamicExtension):
         force_gain: K_z, positive definite.
         holding: potentials U, see :class:`Holding`.
         feedforward: False for the thesis's law without −f_d in u.
-        approach_speed: v_max [rad/s]: without contact the feedforward waits, and w is held when |T⁻ᵀA w|
-            would grow beyond v_max; otherwise w winds up in free motion. Passivity of the switched law is
-            not proved. None for no limit.
+        approach_speed: v_max [rad/s]: without contact the feedforward waits, and w is held where |T⁻ᵀA w|
+            has reached v_max and ½wᵀK_z⁻¹w would grow; otherwise w winds up in free motion. None for no limit.
         contact_threshold: |f_e| from which there is contact [N·m].
         interconnection: which J̄₂ the target is written with.
     """
@@ -76,10 +79,10 @@ class ForceControl(DynamicExtension):
             interconnection=interconnection,
         )
         if frame is None:
-            self.wish: TaskPotential = JointForce(vector("force", force, system.n))
+            self.desired: JointForce | PointForce = JointForce(vector("force", force, system.n))
         else:
             system.frame_id(frame)
-            self.wish = PointForce(frame, force)
+            self.desired = PointForce(frame, force)
         self.holding = sequence("holding", holding, "potentials", "gradient", "energy")
         if not isinstance(feedforward, bool):
             raise InvalidArgumentError("feedforward", f"must be True or False, but is {feedforward!r}")
@@ -95,12 +98,24 @@ class ForceControl(DynamicExtension):
 
     @property
     def caveat(self) -> str:
-        """Say what a law without feedforward or with an approach-speed limit does not claim."""
+        """Say that a law with an approach-speed limit is switched."""
+        return "passivity across the contact: H_d jumps there" if math.isfinite(self.approach_speed) else ""
+
+    @property
+    def driven_by(self) -> str:
+        """Without feedforward, and until there is contact under a speed limit, the desired force."""
         if not self.feedforward:
-            return "without feedforward f_d drives w from outside: no storage function but for constant T (errata E23)"
-        if math.isfinite(self.approach_speed):
-            return "passivity of the switched law (approach-speed limit) is not proved"
-        return ""
+            return "f_d, which moves w: no storage function but for constant T (errata E23)"
+        return "f_d until there is contact, which moves w" if math.isfinite(self.approach_speed) else ""
+
+    @property
+    def lacks_minimum(self) -> str:
+        """The law rests in contact only."""
+        return "stability in contact: Ψ has a minimum only with the potential of what is pressed"
+
+    def rest_force(self, x: MechanicalState) -> Array:
+        """Return f_d [N·m]."""
+        return self.desired.gradient(x)
 
     def _held(self, x: MechanicalState) -> Array:
         """Return −∂U/∂q [N·m]."""
@@ -111,12 +126,17 @@ class ForceControl(DynamicExtension):
 
     def pull(self, x: MechanicalState) -> Array:
         """Return −f_d − ∂U/∂q [N·m]."""
-        return self._held(x) - self.wish.gradient(x)
+        return self._held(x) - self.desired.gradient(x)
 
     def potential(self, x: MechanicalState) -> float:
-        """Return Ψ: of the wished force (with feedforward) and of what is held [J]."""
+        """Return Ψ: of the desired force (with feedforward) and of what is held [J]."""
         energy: float = sum(potential.energy(x) for potential in self.holding)
-        return energy + self.wish.energy(x) if self.feedforward else energy
+        return energy + self.desired.energy(x) if self.feedforward else energy
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return H_d = ½|p̂|² + Ψ + ½wᵀK_z⁻¹w [J], Ψ = U while the arm approaches."""
+        energy = super().storage(t, x, state, measured)
+        return energy - self.desired.energy(x) if self.feedforward and self._approaches(measured) else energy
 
     def position_coordinates(self, x: MechanicalState) -> Array:
         """Return q [rad]."""
@@ -124,36 +144,51 @@ class ForceControl(DynamicExtension):
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A w, the rate of w, and the effort −f_d − ∂U/∂q − G C ŷ."""
-        force = self._measurement(measured, "external_force")
-        pull, leading = self.pull(x), x.solve_factor_transposed(self.coupling.dot(state))
-        state_rate = x.transformed_rate(pull + force).dot(self._port)
-        approaching = self._is_approaching(force)
-        driving = pull if self.feedforward and not approaching else self._held(x)
-        if approaching and self._is_too_fast(x, leading, state_rate):
+        leading = x.solve_factor_transposed(self.coupling.dot(state))
+        approaching = self._approaches(measured)
+        state_rate = self._free_rate(x, measured)
+        if approaching and self._is_held(leading, state, state_rate):
             state_rate = np.zeros_like(state_rate)
+        driving = self.pull(x) if self.feedforward and not approaching else self._held(x)
         return Shaping(
             driving - x.injected_damping(self.damping, x.velocity - leading),
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )
 
-    def _is_approaching(self, force: Array) -> bool:
-        """Whether the approach speed is limited and there is no contact yet."""
-        return math.isfinite(self.approach_speed) and float(np.abs(force).max()) <= self.contact_threshold
+    def _free_rate(self, x: MechanicalState, measured: Measured) -> Array:
+        """Return ẇ where w is not held."""
+        force = self._measurement(measured, "external_force")
+        rate: Array = x.transformed_rate(self.pull(x) + force).dot(self._port)
+        return rate
 
-    def _is_too_fast(self, x: MechanicalState, leading: Array, state_rate: Array) -> bool:
-        """Whether w leads the arm at v_max and would lead it faster still."""
+    def _approaches(self, measured: Measured) -> bool:
+        """Whether the approach speed is limited and there is no contact yet."""
+        if math.isinf(self.approach_speed) or measured.external_force is None:
+            return False
+        return float(np.abs(measured.external_force).max()) <= self.contact_threshold
+
+    def _is_held(self, leading: Array, state: Array, state_rate: Array) -> bool:
+        """Whether w leads the arm at v_max and would store more still."""
         if math.sqrt(leading.dot(leading)) < self.approach_speed:
             return False
-        return bool(leading.dot(x.solve_factor_transposed(self.coupling.dot(state_rate))) > 0.0)
+        return bool(state.dot(self._storage_gain.dot(state_rate)) > 0.0)
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q, p̂, w); without feedforward f_d drives w as an input."""
+        """Return the closed loop on (q, p̂, w); without feedforward, or in approach, f_d drives w as an input."""
         target = super().target(t, x, state, measured)
-        if self.feedforward:
+        approaching = self._approaches(measured)
+        if self.feedforward and not approaching:
             return target
-        n, wished = x.system.n, self.wish.gradient(x)
-        gradient = target.gradient.copy()
-        gradient[:n] -= wished
-        drift = np.concatenate([np.zeros(2 * n), -self._port.T @ x.solve_factor(wished)])
-        return Target(target.coordinates, target.interconnection, target.dissipation, gradient, target.port, drift)
+        n, lever = x.system.n, self.desired.lever(x)
+        gradient, dissipation = target.gradient.copy(), target.dissipation
+        gradient[:n] -= self.desired.gradient(x)
+        port = np.vstack([np.zeros((2 * n, lever.shape[1])), -self._port.T @ x.solve_factor(lever)])
+        if approaching:
+            leading = x.solve_factor_transposed(self.coupling.dot(state))
+            rate = self._free_rate(x, measured)
+            if self._is_held(leading, state, rate):
+                dissipation = dissipation.copy()
+                dissipation[2 * n :, 2 * n :] += np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))
+        drive = Drive(port, self.desired.force)
+        return Target(target.coordinates, target.interconnection, dissipation, gradient, target.port, drive)

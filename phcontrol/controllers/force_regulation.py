@@ -12,6 +12,10 @@ from phcontrol.exceptions import InvalidArgumentError
 
 OUTER_LOOP_CAVEAT = "the moving virtual position supplies energy; it is an outer loop"
 """What no law claims whose virtual position a regulation moves."""
+DRIVEN_BY = "f_e − f_d, which moves the virtual position"
+"""What drives a law whose virtual position a regulation moves."""
+RESTS_IN_CONTACT = "stability in contact: it rests where the body it touches answers with f_d"
+"""What such a law has instead of a minimum of H_d."""
 
 
 class ForceRegulation:

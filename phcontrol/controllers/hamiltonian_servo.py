@@ -109,6 +109,10 @@ class HamiltonianServo(VisualServo):
                 "rate", f"KΛ + ΛᵀK must be positive definite, but its smallest eigenvalue is {smallest:g}"
             )
         self._convergence: Array = np.linalg.solve(self.stiffness, self.rate.T).T  # Γ = ΛK⁻¹
+        self._convergence_root: Array | None = None  # Γ^½, of a symmetric Γ
+        if np.allclose(self._convergence, self._convergence.T, rtol=1e-14, atol=0.0):
+            values, vectors = np.linalg.eigh(self._convergence)
+            self._convergence_root = (vectors * np.sqrt(values)) @ vectors.T
         if singular_region is None:
             singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
         self.singular_damping = SingularDamping(
@@ -122,6 +126,11 @@ class HamiltonianServo(VisualServo):
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
         """Return Λ = 2/s, K = 100, C = 5/s, and k_n = 2/s for arms with more than three joints."""
         return super().default_gains(system, goal) | {"rate": 2.0, "stiffness": 100.0}
+
+    @property
+    def lacks_minimum(self) -> str:
+        """With more joints than features, H_d is the same for all postures that show the same."""
+        return "a minimum over what is seen: three features do not tell all postures apart" if self.system.n > 3 else ""
 
     # --- s and ṡ ----------------------------------------------------------------------------------------
 
@@ -210,12 +219,26 @@ class HamiltonianServo(VisualServo):
         return port._replace(dissipated_power=port.dissipated_power + float(pull @ self._last_block(B) @ pull))
 
     def _last_block(self, image_jacobian: Array) -> Array:
-        """Return Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ, shape (3, 3)."""
+        """Return Δ̄Δ̄ᵀ(Δ̄Δ̄ᵀ + λ²W)⁻¹Γ, shape (3, 3).
+
+        For a symmetric Γ it is Γ^½U diag(s/(s + λ²/|Γ|))UᵀΓ^½ with U s Uᵀ = Γ^(−½)Δ̄Δ̄ᵀΓ^(−½): semidefinite to rounding,
+        however singular Δ̄ is.
+        """
         square = image_jacobian @ image_jacobian.T
         damped = self.singular_damping.at(square)
         if damped is None:
             return self._convergence
-        result: Array = square @ np.linalg.solve(square + damped[0] * self.singular_damping.weight, self._convergence)
+        result: Array
+        if self._convergence_root is None:
+            weighted = square + damped[0] * self.singular_damping.weight
+            result = square @ np.linalg.solve(weighted, self._convergence)
+            return result
+        root = self._convergence_root
+        values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, square).T))
+        values = np.maximum(values, 0.0)
+        half = root @ vectors
+        share = values / (values + damped[0] / np.linalg.norm(self._convergence, 2))
+        result = (half * share) @ half.T
         return result
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:

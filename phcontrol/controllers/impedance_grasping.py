@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
-from phcontrol.controllers.force_regulation import OUTER_LOOP_CAVEAT, ForceRegulation, check_regulation
+from phcontrol.controllers.controller import Controller, Drive, PassivePort, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.force_regulation import (
+    DRIVEN_BY,
+    OUTER_LOOP_CAVEAT,
+    RESTS_IN_CONTACT,
+    ForceRegulation,
+    check_regulation,
+)
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -83,6 +89,20 @@ class ImpedanceGrasping(Controller):
         """Say that regulation puts energy in."""
         return "" if self.regulation is None else OUTER_LOOP_CAVEAT
 
+    @property
+    def driven_by(self) -> str:
+        """With regulation, the error of the contact force."""
+        return "" if self.regulation is None else DRIVEN_BY
+
+    @property
+    def lacks_minimum(self) -> str:
+        """With regulation the law rests in contact only."""
+        return "" if self.regulation is None else RESTS_IN_CONTACT
+
+    def rest_force(self, x: MechanicalState) -> Array | None:
+        """Return f_d, with regulation."""
+        return None if self.regulation is None else self.regulation.force
+
     def _split(self, x: MechanicalState, state: Array) -> tuple[Array, Array]:
         """Return q − q_f and q_rl."""
         n = self.system.n
@@ -145,9 +165,10 @@ class ImpedanceGrasping(Controller):
         n = x.system.n
         zero, one, inverse, G = np.zeros((n, n)), np.eye(n), x.solve_factor(np.eye(n)), x.transformed_input
         spring, rest_force, adapted = self._parts(x, state)
-        drift = None
+        drive = None
         if self.regulation is not None and measured.external_force is not None:
-            drift = np.concatenate([-self.regulation.rate(measured.external_force), np.zeros(2 * n)])
+            port = np.vstack([-one, zero, zero])
+            drive = Drive(port, self.regulation.rate(measured.external_force))
         return Target(
             coordinates=self.coordinates(t, x, state),
             interconnection=np.block(
@@ -158,5 +179,5 @@ class ImpedanceGrasping(Controller):
             ),
             gradient=np.concatenate([spring, adapted.dot(x.factor), rest_force - spring]),
             port=np.vstack([zero, zero if self.regulation is None else inverse, zero]),
-            drift=drift,
+            drive=drive,
         )

@@ -89,6 +89,11 @@ class ReductionServo(VisualServo):
         self._posture_matrix = self.posture_gain * (np.eye(system.n) - inverse @ at_goal)
         self._image_jacobian_at_goal = at_goal
 
+    @property
+    def lacks_minimum(self) -> str:
+        """H_d = ½|p̂|² knows no features."""
+        return "conditions: on p̂ = 0 the features converge where Δ̄K_τ is positive stable"
+
     def _check_gain(self, value: ArrayLike) -> Array:
         n = self.system.n
         array = finite_array("feature_gain", value)

@@ -101,9 +101,38 @@ class Schedule(Controller):
         law, part = self._part(t, state)
         return law.shape(t, x, part, measured)
 
-    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene | None:
+    @property
+    def time_span(self) -> float:
+        """Until the last law has taken over, and as long as any law changes."""
+        return max(self.starts[-1], *(start + law.time_span for start, law in zip(self.starts, self.laws, strict=True)))
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """The laws' start times [s]."""
+        return tuple(self.starts)
+
+    @property
+    def driven_by(self) -> str:
+        """What drives any of the laws."""
+        return "; ".join(dict.fromkeys(law.driven_by for law in self.laws if law.driven_by))
+
+    @property
+    def caveat(self) -> str:
+        """What the laws do not claim, and what none of them can."""
+        own = ["at a switch H_d may jump"] if len(self.laws) > 1 else []
+        return "; ".join(dict.fromkeys([*(law.caveat for law in self.laws if law.caveat), *own]))
+
+    def rest_force(self, x: MechanicalState) -> Array | None:
+        """Return that of the first law."""
+        return self.laws[0].rest_force(x)
+
+    def rest_scene(self, x: MechanicalState) -> Scene | None:
+        """Return that of the first law that has eyes."""
+        return next((law.rest_scene(x) for law in self.laws if "features" in law.needs), None)
+
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator, spread: float = 1.0) -> Scene | None:
         """Draw something to see for the first law that has eyes."""
-        return next((law.random_scene(x, generator) for law in self.laws if "features" in law.needs), None)
+        return next((law.random_scene(x, generator, spread) for law in self.laws if "features" in law.needs), None)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return the active law's storage function [J]."""

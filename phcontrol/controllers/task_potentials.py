@@ -1,4 +1,4 @@
-"""Potentials that a law can shape: a wished force, and springs that hold what the force leaves free."""
+"""Potentials that a law can shape: a desired force, and springs that hold what the force leaves free."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TaskPotential(Protocol):
 
 
 class JointForce:
-    """f_dᵀq: a constant generalised force f_d [N·m] of the environment on the joints is wished."""
+    """f_dᵀq: a constant generalised force f_d [N·m] of the environment on the joints is desired."""
 
     def __init__(self, force: ArrayLike) -> None:
         self.force = finite_array("force", force)
@@ -39,9 +39,13 @@ class JointForce:
         """Return f_d [N·m]."""
         return self.force
 
+    def lever(self, x: MechanicalState) -> Array:
+        """Return how ``force`` acts on the joints, shape (n, n)."""
+        return np.eye(self.force.size)
+
 
 class PointForce:
-    """Fᵀr(q): a force F [N, world axes] of the environment on a frame's origin r is wished; f_d = 𝒥_vᵀF."""
+    """Fᵀr(q): a force F [N, world axes] of the environment on a frame's origin r is desired; f_d = 𝒥_vᵀF."""
 
     def __init__(self, frame: str, force: ArrayLike) -> None:
         self.frame, self.force = frame, vector("force", force, 3)
@@ -52,8 +56,13 @@ class PointForce:
 
     def gradient(self, x: MechanicalState) -> Array:
         """Return 𝒥_vᵀF [N·m]."""
-        gradient: Array = self.force.dot(x.frame_jacobian(self.frame, "local_world_aligned")[:3])
+        gradient: Array = self.lever(x).dot(self.force)
         return gradient
+
+    def lever(self, x: MechanicalState) -> Array:
+        """Return how ``force`` acts on the joints, 𝒥_vᵀ, shape (n, 3)."""
+        lever: Array = x.frame_jacobian(self.frame, "local_world_aligned")[:3].T
+        return lever
 
 
 class Holding:

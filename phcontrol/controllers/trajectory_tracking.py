@@ -118,6 +118,11 @@ class TrajectoryTracking(Controller):
         """The external force, when it is cancelled."""
         return ("external_force",) if self.measured else ()
 
+    @property
+    def time_span(self) -> float:
+        """The trajectory's duration [s]."""
+        return max(self.trajectory.duration, 1e-3)
+
     def target_posture(self, t: float) -> Array:
         """Return q_d at time t [s]."""
         return self.trajectory.at(t).position

@@ -172,18 +172,38 @@ class VisualServo(Controller):
             port=x.solve_factor(np.eye(x.system.n)),
         )
 
-    # --- defaults and checks ---------------------------------------------------------------------------
+    # --- what checks look at ----------------------------------------------------------------------------
 
-    def random_scene(self, x: MechanicalState, generator: np.random.Generator) -> Scene:
-        """Draw an object in view, up to 27° from the axis, half to twice as far away as at the goal."""
+    def rest_posture(self, t: float) -> Array:
+        """Return q_r, where Δ̄(goal) is taken."""
+        return self.posture
+
+    def rest_scene(self, x: MechanicalState) -> Scene:
+        """Return an object whose features are the desired ones."""
+        return self._object_seen_as(x, self.goal)
+
+    def random_scene(self, x: MechanicalState, generator: np.random.Generator, spread: float = 1.0) -> Scene:
+        """Draw an object in view, up to 27° from the axis, half to twice as far away as at the goal.
+
+        With a smaller ``spread`` its features are closer to the goal. A law that holds when it sees nothing is now and
+        then shown an object behind the camera.
+        """
         reach = [min(0.5 * self._focal_length, half) for half in self.camera.half_size]
-        features = np.array(
+        drawn = np.array(
             [generator.uniform(-reach[0], reach[0]), generator.uniform(-reach[1], reach[1]), 0.0]
         )  # fmt: skip
-        features[2] = self.goal[2] * math.exp(generator.uniform(-math.log(2.0), math.log(2.0)))
+        drawn[2] = self.goal[2] * math.exp(generator.uniform(-math.log(2.0), math.log(2.0)))
+        if self.lost == "hold" and generator.uniform() < 0.125:
+            drawn[2] = -drawn[2]
+            return self._object_seen_as(x, drawn)
+        return self._object_seen_as(x, self.goal + spread * (drawn - self.goal))
+
+    def _object_seen_as(self, x: MechanicalState, features: Array) -> ObservedObject:
         point = back_project(features, self._focal_length, self.object_length)
         size = (self.object_length, 0.2 * self.object_length, 0.2 * self.object_length)
         return ObservedObject(self.camera, x.placement(self.frame).act(point), size)
+
+    # --- defaults -------------------------------------------------------------------------------------
 
     @classmethod
     def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from phcontrol.analysis.certificate import Certificate, certify
+from phcontrol.analysis.certificate import Certificate
+from phcontrol.analysis.certify import certify
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots

@@ -15,7 +15,8 @@ from scipy.linalg import eigh
 
 from phcontrol._files import write_json
 from phcontrol._validation import Array, choice
-from phcontrol.analysis.certificate import Certificate, certify
+from phcontrol.analysis.certificate import Certificate
+from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
@@ -175,7 +176,7 @@ def run_position(
     goal: dict[str, float] | ArrayLike | None = None,
     duration: float = 10.0,
     interconnection: str = "coriolis",
-    samples: int = 50,
+    samples: int = SAMPLES,
     options: dict[str, Any] | None = None,
     dt: float | None = None,
     integrator: str = "rk4",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import choice
-from phcontrol.analysis.certificate import certify
+from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.visual_servo import FEATURE_GOAL, OBJECT_LENGTH, VisualServo
 from phcontrol.experiments.position import PositionRun
@@ -56,7 +56,7 @@ def run_servo(
     start: ArrayLike = START,
     goal: ArrayLike = FEATURE_GOAL,
     interconnection: str = "coriolis",
-    samples: int = 50,
+    samples: int = SAMPLES,
     camera_rate: float | None = None,
     options: dict[str, Any] | None = None,
     **simulation: Any,

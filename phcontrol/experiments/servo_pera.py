@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.analysis.certificate import certify
+from phcontrol.analysis.certify import certify
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.visual_servo import FEATURE_GOAL

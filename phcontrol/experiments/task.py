@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from phcontrol._files import write_json, write_text
-from phcontrol.analysis.certificate import certify
+from phcontrol.analysis.certify import certify
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.experiments.registry import STUDIES, run_study
@@ -20,9 +20,6 @@ from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.visualization.page import meshcat_script
 from phcontrol.visualization.recording import recorded_page
-
-SAMPLES, SEED = 50, 0
-"""Of the certificates."""
 
 
 def run_task(name: str, folder: Path) -> None:
@@ -59,7 +56,7 @@ def certificates(robot: str) -> list[dict[str, Any]]:
             except InvalidArgumentError as error:
                 rows.append({"law": law, "robot": robot, "interconnection": "any", "not_for_it": str(error)})
                 break
-            rows.append({"law": law} | certify(controller, system, samples=SAMPLES, seed=SEED).to_dict())
+            rows.append({"law": law} | certify(controller, system).to_dict())
     return rows
 
 

@@ -361,8 +361,7 @@ class Log:
             "potential_energy": x.potential_energy,
             "storage": loop.controller.storage(t, view, state, measured),
             "dissipated_power": target.gradient @ target.dissipation @ target.gradient,
-            "supplied_power": target.gradient @ (target.port @ force)
-            + (0.0 if target.drift is None else target.gradient @ target.drift),
+            "supplied_power": target.gradient @ (target.port @ force + target.driven()),
             "friction_power": 0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
             "control_power": x.output @ self.torque[k],
             "external_power": x.velocity @ force,

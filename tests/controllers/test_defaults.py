@@ -142,13 +142,13 @@ def test_the_approach_limit_holds_only_what_leads_and_grows(shoulder):
     leading = np.array([0.3, 0.0])
     state = x.factor.T @ leading
     back = -0.5 * state
-    assert law._is_too_fast(x, leading, state)
-    assert law._is_too_fast(x, leading, 1e-3 * state)
-    assert not law._is_too_fast(x, leading, back)
-    assert not law._is_too_fast(x, leading, 1e-3 * back)
-    assert not law._is_too_fast(x, 0.5 * leading, state)
-    assert law._is_approaching(np.zeros(2))
-    assert not law._is_approaching(np.array([0.0, 2e-3]))
+    assert law._is_held(leading, state, state)
+    assert law._is_held(leading, state, 1e-3 * state)
+    assert not law._is_held(leading, state, back)
+    assert not law._is_held(leading, state, 1e-3 * back)
+    assert not law._is_held(0.5 * leading, state, state)
+    assert law._approaches(Measured(external_force=np.zeros(2)))
+    assert not law._approaches(Measured(external_force=np.array([0.0, 2e-3])))
 
 
 def test_a_schedule_takes_the_interconnection_of_its_first_law(shoulder):

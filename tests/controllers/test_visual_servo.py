@@ -171,7 +171,7 @@ def test_coupled_gains_keep_the_loop_port_hamiltonian(pera, form, singular):
     )  # fmt: skip
     certificate = certify(law, samples=20)
     assert certificate.passed, str(certificate)
-    assert certificate.smallest_dissipation > -1e-12
+    assert certificate.indefiniteness < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -345,8 +345,9 @@ def test_near_the_singular_set_the_damped_law_stays_finite_and_certified(distanc
     system = make_system("pera_shoulder_elbow")
 
     class Near(HamiltonianServo):
-        def random_scene(self, x, generator):
-            return singular_scene(self, x, distance)
+        def random_scene(self, x, generator, spread=1.0):
+            scene = singular_scene(self, x, distance)
+            return scene if self.camera.sees(scene.features(x)) else super().random_scene(x, generator, spread)
 
     certificate = certify(Near.tuned(system, interconnection=form), samples=10)
     assert certificate.passed, str(certificate)
@@ -379,7 +380,7 @@ def test_near_singularities_of_a_redundant_arm_the_posture_term_fades(form):
     system = make_system("pera")
 
     class Stretched(HamiltonianServo):
-        def random_scene(self, x, generator):
+        def random_scene(self, x, generator, spread=1.0):
             return ObservedObject.seen_as(self.camera, [1e-7, 2e-7, 1e-5], x)  # far away: l² is next to nothing
 
     law = Stretched.tuned(system, interconnection=form)
@@ -468,7 +469,7 @@ def test_the_held_arm_has_a_certificate_too(pera, law):
     kind = type(make_controller(law, pera))
 
     class Blind(kind):
-        def random_scene(self, x, generator):
+        def random_scene(self, x, generator, spread=1.0):
             return ObservedObject.seen_as(self.camera, [0.02, 0.0, 0.002], x)
 
     for form in INTERCONNECTIONS:

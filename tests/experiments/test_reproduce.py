@@ -161,7 +161,4 @@ def test_a_certificate_is_that_of_certify():
     system = MechanicalSystem(load_robot("pera_gripper"))
     rows = {(row["law"], row["interconnection"]): row for row in certificates("pera_gripper")}
     controller = make_controller("energy_shaping", system, interconnection="canonical")
-    assert (
-        rows["energy_shaping", "canonical"]
-        == {"law": "energy_shaping"} | certify(controller, system, samples=50, seed=0).to_dict()
-    )
+    assert rows["energy_shaping", "canonical"] == {"law": "energy_shaping"} | certify(controller, system).to_dict()

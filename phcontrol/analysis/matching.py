@@ -1,0 +1,197 @@
+"""Promise against plant, state by state: residuals in natural units, and the structure of what is promised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.analysis.flow import Flow
+from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.controllers.controller import Controller, Target
+from phcontrol.mechanics.system import MechanicalSystem
+
+_STRETCHES = (
+    1.0,
+    1.0 / 8.0,
+    1.0 / 64.0,
+    8.0,
+)  # of the step: a law is wrong with every one, a bend within a step is not
+_CLOSE_ENOUGH = 1e-8  # of a row's terms: then no other step is tried
+_MOVING = 0.75  # quantile of a row's terms that is taken for what they are where things move
+_LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
+_ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding
+
+
+class StateFigures(NamedTuple):
+    """What one state says. Rows are those of the target; their units come from all states together."""
+
+    residual: Array
+    """|ẋ − promise| per row, ẋ by finite differences along the flow."""
+    terms: Array
+    """Sum of the absolute terms of each row of the promise."""
+    coordinates: Array
+    """|x| per row."""
+    slope_error: float
+    """|Ḣ_d − ∇H_dᵀẋ| [W]."""
+    growth: float
+    """Ḣ_d − ∇H_dᵀ(port f_e + drive) [W]: what the storage function gains by itself."""
+    power: float
+    """Sum of the absolute terms of ∇H_dᵀẋ [W]."""
+    skewness: float
+    indefiniteness: float
+    drive: float
+    """Largest entry of what drives the law."""
+    moves_momentum: float
+    """By how much what drives the law enters rows that depend on the velocity: as a torque, which it must not."""
+
+
+class Worst(NamedTuple):
+    """The largest figure and where it was found."""
+
+    value: float
+    where: str
+
+
+def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> StateFigures:
+    """Return the figures of one state."""
+    flow = Flow(law, plant, at)
+    target = law.target(at.time, flow.view(0.0), at.state, flow.measured(0.0))
+    structure = target.interconnection - target.dissipation
+    promised = target.rate(at.force)
+    terms = np.abs(structure) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
+    driven = target.driven()
+    terms += np.abs(driven)
+    residual, rate, slope_error = np.full(promised.shape, np.inf), promised, np.inf
+    storage_rate, power = 0.0, 0.0
+    for stretch in _STRETCHES:
+        actual = flow.derivative(flow.coordinates, stretch)
+        residual = np.fmin(residual, np.abs(actual - promised))
+        slope = float(flow.derivative(flow.storage, stretch))
+        products = target.gradient * actual
+        error = abs(slope - float(products.sum()))
+        if not error >= slope_error:
+            slope_error, storage_rate, rate = error, slope, actual
+            power = float(np.abs(products).sum())
+        if (residual <= _CLOSE_ENOUGH * terms).all() and slope_error <= _CLOSE_ENOUGH * power:
+            break
+    supplied = float(target.gradient @ (target.port @ at.force + driven))
+    terms = np.maximum(terms, np.abs(rate))
+    return StateFigures(
+        residual=residual,
+        terms=terms,
+        coordinates=np.abs(target.coordinates),
+        slope_error=slope_error,
+        growth=storage_rate - supplied,
+        power=power + abs(supplied),
+        skewness=_skewness(target.interconnection, target.dissipation),
+        indefiniteness=indefiniteness(target.dissipation),
+        drive=float(np.abs(driven).max(initial=0.0)),
+        moves_momentum=_momentum_driven(law, at, flow, target),
+    )
+
+
+def worst_residual(states: Sequence[SampledState], figures: Sequence[StateFigures]) -> Worst:
+    """Return the largest matching residual: each row relative to its own terms.
+
+    A row's unit is the sum of its terms at that state, or a thousandth of what that is where things move (the upper
+    quartile of the states) where little does; so a light joint is not hidden by a heavy one, nor an error at rest by
+    fast motion.
+    """
+    largest = max((float(each.terms.max(initial=0.0)) for each in figures), default=0.0)
+    sizes = {len(each.residual) for each in figures}
+    unit = {size: np.maximum(_usual(figures, size), _ROUNDING * largest) for size in sizes}
+    worst = Worst(0.0, "")
+    for state, each in zip(states, figures, strict=True):
+        if not len(each.residual):
+            continue
+        relative = each.residual / np.maximum(each.terms, unit[len(each.residual)])
+        relative = np.where(np.isnan(relative), np.inf, relative)
+        row = int(np.argmax(relative))
+        if relative[row] > worst.value:
+            worst = Worst(float(relative[row]), f"row {row + 1} of {len(relative)}, {described(state)}")
+    return worst
+
+
+def worst_power(
+    states: Sequence[SampledState], figures: Sequence[StateFigures], errors: Sequence[float], lowest: float = 0.0
+) -> Worst:
+    """Return the largest of some powers, relative to the power that flows, with the same units as for rows."""
+    usual = _LEAST_SCALE * float(np.quantile([each.power for each in figures], _MOVING))
+    worst = Worst(lowest, "")
+    for state, each, error in zip(states, figures, errors, strict=True):
+        relative = error / max(each.power, usual, 1e-300)
+        if not relative <= worst.value:
+            worst = Worst(np.inf if np.isnan(relative) else float(relative), described(state))
+    return worst
+
+
+def described(state: SampledState) -> str:
+    """Return in words where a state lies."""
+    return f"{state.stratum}; t = {state.time:.4g} s, q = {np.array2string(state.position, precision=3)}"
+
+
+def _usual(figures: Sequence[StateFigures], size: int) -> Array:
+    """Return a thousandth of each row's usual terms; where a row never moves, of its coordinate per 1000 s."""
+    terms = np.array([each.terms for each in figures if len(each.residual) == size])
+    places = np.array([each.coordinates for each in figures if len(each.residual) == size])
+    usual = np.maximum(np.quantile(terms, _MOVING, axis=0), _LEAST_SCALE * np.median(places, axis=0))
+    result: Array = np.maximum(_LEAST_SCALE * usual, 1e-300)
+    return result
+
+
+def _skewness(J: Array, R: Array) -> float:
+    """Return max |J + Jᵀ|, each entry relative to the largest ones of J and R in its row and column."""
+    if not J.size:
+        return 0.0
+    row = np.maximum(np.abs(J), np.abs(R)).max(axis=1)
+    return _relative(np.abs(J + J.T), np.sqrt(np.outer(row, row)))
+
+
+def indefiniteness(R: Array) -> float:
+    """Return how far a matrix is from symmetric positive semidefinite: 0 for R ⪰ 0, but for rounding.
+
+    By the pivots of its LDLᵀ decomposition, each relative to the sum of absolute terms that it is made of: so a small
+    negative damping in one joint is seen beside dampings of any size in others. Beside a pivot that is zero but for
+    rounding nothing may stand, since |R_ij|² ≤ R_ii R_jj.
+    """
+    diagonal = np.abs(np.diag(R))
+    worst = _relative(np.abs(R - R.T), np.maximum(np.sqrt(np.outer(diagonal, diagonal)), 1e-9 * np.abs(R)))
+    rest, gross = 0.5 * (R + R.T), np.array(diagonal)
+    for k in range(len(R)):
+        pivot, beside = float(rest[k, k]), rest[k + 1 :, k]
+        if gross[k] > 0.0:
+            worst = max(worst, -pivot / gross[k])
+        if pivot <= _ZERO_PIVOT * gross[k]:
+            worst = max(worst, _relative(beside * beside, gross[k] * gross[k + 1 :]))
+            continue
+        taken = np.outer(beside, beside) / pivot
+        rest[k + 1 :, k + 1 :] -= taken
+        gross[k + 1 :] += np.diag(taken)
+    return worst
+
+
+def _relative(error: Array, scale: Array) -> float:
+    """Return the largest error over its scale; infinite where there is one and no scale."""
+    with np.errstate(divide="ignore"):
+        return float((error[error > 0.0] / scale[error > 0.0]).max(initial=0.0))
+
+
+_ZERO_PIVOT = 1e-13  # of the terms a pivot is made of: rounding
+
+
+def _momentum_driven(law: Controller, at: SampledState, flow: Flow, target: Target) -> float:
+    """Return the largest entry of the drive in rows that depend on q̇, relative to that row's velocity derivative."""
+    drive = target.drive
+    if drive is None or not drive.port.size:
+        return 0.0
+    here, n = flow.view(0.0), len(at.velocity)
+    measured, worst = flow.measured(0.0), 0.0
+    for axis in np.eye(n):
+        moved = law.system.at(here.position, here.velocity + axis)
+        change = np.abs(law.coordinates(at.time, moved, at.state, measured) - target.coordinates)
+        rows = change > 1e-9 * max(float(change.max()), 1e-300)
+        worst = max(worst, float(np.abs(drive.port[rows]).max(initial=0.0)))
+    return worst

@@ -1,0 +1,49 @@
+"""Whether a promise speaks about everything that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phcontrol._differences import jacobian
+from phcontrol._validation import Array
+from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import Measured, measure_truly
+
+_STATES = 3  # that are looked at
+_STEP = 1e-3
+_DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
+
+
+def undetermined(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[int, str]:
+    """Return how many of (q̇, controller state) the target's coordinates leave undetermined at a position, and where.
+
+    It is the rank that ∂x/∂(q̇, state) lacks. A promise that leaves a velocity or a state of the law out says nothing
+    about what it does.
+    """
+    worst, where = 0, ""
+    for at in states[:: max(1, len(states) // _STATES)][:_STATES]:
+        acting, state = law.active(at.time), at.state
+        if acting is not law:
+            state = acting.initial_state(plant.at(at.position))
+        measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
+
+        def coordinates(
+            y: Array, at: SampledState = at, acting: Controller = acting, measured: Measured = measured
+        ) -> Array:
+            view = acting.system.at(at.position, y[: plant.n])
+            return acting.coordinates(at.time, view, y[plant.n :], measured)
+
+        start = np.concatenate([at.velocity, state])
+        slope = jacobian(coordinates, start, np.ones(len(start)), _STEP)
+        lengths = np.linalg.norm(slope, axis=0)
+        rank = 0
+        if slope.size and lengths.max() > 0.0:
+            values = np.linalg.svd(slope / np.where(lengths > 0.0, lengths, 1.0), compute_uv=False)
+            rank = int((values > _DEPENDENT).sum())
+        if len(start) - rank > worst:
+            worst, where = len(start) - rank, at.stratum
+    return worst, where

@@ -1,0 +1,208 @@
+"""Where a law rests, whether H_d has a minimum there, and how the closed loop moves about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import eig
+
+from phcontrol._differences import jacobian
+from phcontrol._validation import Array
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import Measured, measure_truly
+
+_STEPS = (1e-3, 1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; the pair that agrees best is taken
+_AGREEMENT = 1e-9  # of two steps, with which no other is tried
+_ITERATIONS = 30
+_DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
+_FOUND = 1e-8  # of what a natural unit away changes
+ENVIRONMENT_FREQUENCY = 4.0
+"""Of each joint on the spring that it touches where a force-controlled law rests [rad/s]."""
+
+STABLE, MARGINAL, UNSTABLE = "asymptotically stable", "marginal", "unstable"
+
+
+@dataclass(frozen=True)
+class RestPoint:
+    """A state at which nothing moves, or moves with the reference, and the linearised closed loop about it."""
+
+    time: float
+    position: Array
+    velocity: Array
+    state: Array
+    force: Array
+    """The external force there: 0, or what a force-controlled law desires [N·m]."""
+    in_contact: bool
+    """Whether an elastic environment exerts it."""
+    found: bool
+    """Whether ∇H_d (or, in an environment, the rate) vanishes near the law's own goal."""
+    unrest: float
+    """What is left of the true closed loop's rate there, over what a natural unit away changes it; 0 for a law that
+    changes with time and so moves."""
+    curvature: float
+    """Smallest eigenvalue of the Hessian of H_d, scaled to a unit diagonal; NaN for a law that lacks a minimum."""
+    eigenvalues: Array = field(repr=False)
+    """Of the linearised closed loop, complex [1/s]."""
+    uncertainty: Array = field(repr=False)
+    """Of each eigenvalue, from the finite differences [1/s]."""
+
+    @property
+    def stability(self) -> str:
+        """Whether the linearised loop is asymptotically stable, marginal or unstable."""
+        if not self.eigenvalues.size or (self.eigenvalues.real - self.uncertainty > 0.0).any():
+            return UNSTABLE
+        return STABLE if (self.eigenvalues.real + self.uncertainty < 0.0).all() else MARGINAL
+
+    @property
+    def slowest(self) -> float:
+        """Time constant of the slowest mode that fades [s]."""
+        fading = -self.eigenvalues.real[self.eigenvalues.real < -self.uncertainty]
+        return float(1.0 / fading.min()) if fading.size else np.inf
+
+
+def find_rest(law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float) -> RestPoint:
+    """Find the law's rest point from its rest posture, and linearise the true closed loop about it.
+
+    Where a law rests in free motion (or with its reference) that is where ∇H_d = 0. A law that rests under a force
+    (``Controller.rest_force``) is given an elastic environment that exerts it at the rest posture, a spring of
+    M_ii·(4 rad/s)² on each joint, and rests where the closed loop's rate is 0.
+    """
+    return _Neighbourhood(law, plant, units, time).rest()
+
+
+class _Neighbourhood:
+    """The closed loop as a function of y = (q, q̇, controller state) at one time."""
+
+    def __init__(self, law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float) -> None:
+        self._law, self._plant, self._time, self._n = law, plant, time, plant.n
+        posture = np.array(law.rest_posture(time))
+        x = plant.at(posture)
+        desired = law.rest_force(x)
+        self._posture = posture
+        self._rest_force = np.zeros(self._n) if desired is None else desired
+        inertia = np.diag(x.mass_matrix)
+        self._spring: Array | None = None if desired is None else ENVIRONMENT_FREQUENCY**2 * inertia
+        self._scene = law.rest_scene(law.system.at(posture))
+        self._units = units.motion
+        self._start = np.concatenate([posture, np.zeros(self._n), law.initial_state(x)])
+
+    def rest(self) -> RestPoint:
+        free = self._spring is None
+        y, found = self._root(self._gradient if free else self._rate)
+        n, law = self._n, self._law
+        A, error = self._jacobian(self._rate, y)
+        unrest = 0.0 if law.time_span else self._left(self._rate(y), A)
+        scaled = A * self._units / self._units[:, None]
+        values, uncertainty = _spectrum(scaled, error * self._units / self._units[:, None])
+        curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
+        return RestPoint(
+            self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free, found, unrest, curvature,
+            values, uncertainty,
+        )  # fmt: skip
+
+    # --- what is looked at ------------------------------------------------------------------------------
+
+    def _force(self, position: Array) -> Array:
+        if self._spring is None:
+            return self._rest_force
+        away: Array = position - self._posture
+        return self._rest_force - self._spring * away
+
+    def _seen(self, y: Array) -> tuple[MechanicalState, MechanicalState, Array, Measured, Array]:
+        """Return plant, the law's view of it, its state, what it measures, and the external force."""
+        n, law = self._n, self._law
+        x, force = self._plant.at(y[:n], y[n : 2 * n]), self._force(y[:n])
+        view = x if law.system is self._plant else law.system.at(y[:n], y[n : 2 * n])
+        return x, view, y[2 * n :], measure_truly(x, force, law.needs, self._scene), force
+
+    def _rate(self, y: Array) -> Array:
+        """Return ẏ of the true closed loop."""
+        x, view, state, measured, force = self._seen(y)
+        command = self._law.evaluate(self._time, view, state, measured)
+        return np.concatenate([x.velocity, x.acceleration(command.torque, force), command.state_rate])
+
+    def _gradient(self, y: Array) -> Array:
+        """Return ∇H_d with respect to the target's coordinates."""
+        _, view, state, measured, _ = self._seen(y)
+        return self._law.target(self._time, view, state, measured).gradient
+
+    def _coordinates(self, y: Array) -> Array:
+        _, view, state, measured, _ = self._seen(y)
+        return self._law.coordinates(self._time, view, state, measured)
+
+    # --- what is found ----------------------------------------------------------------------------------
+
+    def _root(self, function: Callable[[Array], Array]) -> tuple[Array, bool]:
+        """Return a zero of a function near the rest posture by Gauss-Newton steps, and whether it is one."""
+        y, best = self._start, self._start
+        smallest = np.inf
+        for _ in range(_ITERATIONS):
+            value = function(y)
+            if not value.size or not np.isfinite(value).all():
+                return best, False
+            slope = self._slope(function, y, _STEPS[1])
+            left = self._left(value, slope)
+            if left >= 0.5 * smallest:  # no nearer any more
+                break
+            smallest, best = left, y
+            y = y - self._units * np.linalg.lstsq(slope * self._units, value, rcond=1e-12)[0]
+        return best, smallest <= _FOUND
+
+    def _left(self, value: Array, slope: Array) -> float:
+        """Return the largest entry of a value over what a natural unit away changes it."""
+        unit = np.abs(slope) @ self._units
+        return float((np.abs(value) / np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))).max())
+
+    def _slope(self, function: Callable[[Array], Array], y: Array, step: float) -> Array:
+        return jacobian(function, y, self._units, step)
+
+    def _jacobian(self, function: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+        """Return the derivative of a function at y and the error of its entries, by the steps that agree best."""
+        before = self._slope(function, y, _STEPS[0])
+        best, error = before, np.full(before.shape, np.inf)
+        for step in _STEPS[1:]:
+            now = self._slope(function, y, step)
+            difference = np.abs(now - before)
+            nearer = difference.max(axis=0) < error.max(axis=0)
+            best, error = np.where(nearer, now, best), np.where(nearer, difference, error)
+            if error.max() <= _AGREEMENT * np.abs(best).max():
+                break
+            before = now
+        return best, error
+
+    def _curvature(self, y: Array) -> float:
+        """Return the smallest eigenvalue of H_xx, the Hessian of H_d in the target's coordinates, scaled.
+
+        With J = ∂x/∂y the derivative of ∇H_d along y is H_xx J. Coordinates that y does not reach do not count.
+        """
+        J = self._jacobian(self._coordinates, y)[0] * self._units
+        bent = self._jacobian(self._gradient, y)[0] * self._units
+        lengths = np.linalg.norm(J, axis=0)
+        if not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < _DEPENDENT:
+            return 0.0  # H_d does not know everything that moves
+        if J.shape[0] == J.shape[1]:
+            hessian = np.linalg.solve(J.T, bent.T).T
+        else:
+            basis, triangle = np.linalg.qr(J)
+            hessian = basis.T @ np.linalg.solve(triangle.T, bent.T).T
+        hessian = 0.5 * (hessian + hessian.T)
+        root = np.sqrt(np.abs(np.diag(hessian)))
+        if not (root > 0.0).all():
+            return 0.0
+        return float(np.linalg.eigvalsh(hessian / np.outer(root, root))[0])
+
+
+def _spectrum(A: Array, error: Array) -> tuple[Array, Array]:
+    """Return eigenvalues and how uncertain each is to first order, |wᴴ||E||v| / |wᴴv| with E the entries' errors."""
+    if not np.isfinite(A).all():
+        return np.array([np.inf]), np.zeros(1)
+    rounding = 1e-14 * np.abs(A).max()
+    values, left, right = eig(A, left=True, right=True)
+    weight = np.abs(np.sum(left.conj() * right, axis=0))
+    noise = np.einsum("ik,ij,jk->k", np.abs(left), error + rounding, np.abs(right))
+    return values, noise / np.maximum(weight, 1e-12)

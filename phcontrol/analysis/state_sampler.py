@@ -1,0 +1,198 @@
+"""At which states a certificate looks: stratified, low-discrepancy, reproducible."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.robot import Robot
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.vision.scene import Scene
+
+CLOSEST = 1e-6
+"""The smallest distance, speed, force and controller state that is drawn, in natural units."""
+_FASTEST = 10.0  # at least this speed is tried [rad/s], and at least four times the limits
+_LARGEST_STATE = 30.0  # in natural units
+_LATEST = 1e5  # [s]
+_LATEST_CHANGE = 1e4  # of a law that changes with time: later ones leave no digits for differences in time [s]
+_USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
+_FIRST_TIME = 1e-3  # of a law that changes with time: differences in time need room on both sides [s]
+_TURNS = 3.0  # of a continuous joint
+_BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
+_SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
+
+
+class SampledState(NamedTuple):
+    """A state of plant, controller and surroundings, and from which stratum it was drawn."""
+
+    time: float
+    position: Array
+    velocity: Array
+    state: Array
+    force: Array
+    scene: Scene | None
+    stratum: str
+
+
+class StateSampler:
+    """Draws states where laws work and where they go wrong: at rest, at the goal, at the limits, fast, far.
+
+    Every field is drawn by itself from its own strata, so that all combinations occur:
+
+    - positions: the law's goal itself, within 1e-6 to 1 rad of it, on the joint limits and a little to either side of
+      them, anywhere within them, and beyond (several turns of a continuous joint);
+    - velocities: rest, the reference's own, 1e-6 to once the velocity limits away from either, up to twice the limits,
+      and up to 10 rad/s or more;
+    - states of the controller: zero, 1e-6 to 30 natural units, one entry alone;
+    - external forces: zero, tiny, up to twice the motors' limits, on one joint alone;
+    - times: zero, the whole span in which the law changes (a minute if it does not), up to 1e5 s.
+
+    The numbers are a scrambled Sobol sequence (:mod:`scipy.stats.qmc`), which leaves no gaps in any single
+    coordinate; seed and number of samples make it reproducible. The first state is the law's rest point.
+
+    Args:
+        law: gives the goal, the size of its state, and what there is to see.
+        plant: gives limits.
+        units: of both.
+        rest: position, velocity and controller state at which the law rests at time 0.
+        rest_force: the external force there [N·m].
+    """
+
+    def __init__(
+        self,
+        law: Controller,
+        plant: MechanicalSystem,
+        units: NaturalUnits,
+        rest: tuple[Array, Array, Array],
+        rest_force: Array,
+    ) -> None:
+        self._law, self._plant, self._units = law, plant, units
+        self._rest, self._rest_force = rest, rest_force
+        self._changes = law.time_span > 0.0
+
+    def draw(self, samples: int, seed: int) -> list[SampledState]:
+        """Return a number of states."""
+        from scipy.stats import qmc  # loads a third of SciPy: only when a certificate is made
+
+        n, m = self._plant.n, self._units.state.size
+        sequence = qmc.Sobol(_SELECTORS + 5 * n + m, seed=seed)
+        points = sequence.random_base2(math.ceil(math.log2(samples)))[:samples]
+        states = [self._state(point, np.random.default_rng([seed, k])) for k, point in enumerate(points)]
+        position, velocity, state = self._rest
+        scene = self._law.rest_scene(self._law.system.at(position))
+        time = _FIRST_TIME if self._changes else 0.0
+        if not self._changes or not velocity.any():
+            states[0] = SampledState(time, position, velocity, state, self._rest_force, scene, "the rest point")
+        return states
+
+    def _state(self, u: Array, generator: np.random.Generator) -> SampledState:
+        n = self._plant.n
+        kinds, sizes = u[:6], u[6:_SELECTORS]
+        along, aside, across, speeds, forces, own = np.split(u[_SELECTORS:], [n, 2 * n, 3 * n, 4 * n, 5 * n])
+        time, when = self._time(kinds[0], sizes[0])
+        position, where = self._position(kinds[1], sizes[1], time, along, aside, across)
+        velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
+        state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, _LARGEST_STATE, "controller state")
+        force, how_pushed = _drawn(kinds[4], sizes[4], forces, self._units.force, 2.0, "f_e")
+        view = self._law.system.at(position)
+        scene = self._law.random_scene(view, generator, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
+        stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed, when) if word)
+        return SampledState(time, position, velocity, state, force, scene, stratum)
+
+    def _time(self, kind: float, size: float) -> tuple[float, str]:
+        first = _FIRST_TIME if self._changes else 0.0
+        if kind < 0.125:
+            return first, "at the start"
+        if kind < 0.75:
+            return max(first, size * (1.25 * self._law.time_span if self._changes else _USUAL_SPAN)), "under way"
+        return _log_uniform(size, 1e-3, _LATEST_CHANGE if self._changes else _LATEST), "late"
+
+    def _position(
+        self, kind: float, size: float, time: float, along: Array, aside: Array, across: Array
+    ) -> tuple[Array, str]:
+        robot, unit = self._plant.robot, self._units.position
+        goal = self._law.rest_posture(time) if self._changes else self._rest[0]
+        low, high = _range(robot)
+        if kind < 0.06:
+            return np.array(goal), "at the goal"
+        if kind < 0.32:
+            return goal + _log_uniform(size, CLOSEST, 1.0) * unit * (2.0 * along - 1.0), "near the goal"
+        anywhere = low + (high - low) * along
+        if kind < 0.62:
+            return self._at_limits(anywhere, size, aside, across), "at joint limits"
+        if kind < 0.9:
+            return anywhere, ""
+        beyond = np.where(robot.continuous, _TURNS * 2.0 * np.pi * unit, _BEYOND * (high - low))
+        return low - beyond + (high - low + 2.0 * beyond) * along, "beyond joint limits"
+
+    def _at_limits(self, anywhere: Array, size: float, aside: Array, across: Array) -> Array:
+        """Return positions with about half the joints on a limit, or close to it on either side."""
+        robot = self._plant.robot
+        share = 0.15 + 0.7 * size
+        moved = (aside < share) & np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        # within a joint's own draw: which limit, which side of it, how far
+        upper, rest = aside * (2.0 / share) % 2.0 >= 1.0, across * 3.0
+        side, far = np.floor(rest) - 1.0, CLOSEST ** (1.0 - rest % 1.0)
+        with np.errstate(invalid="ignore"):
+            width = np.where(moved, robot.upper - robot.lower, 1.0)
+        limit = np.where(upper, robot.upper, robot.lower)
+        return np.where(moved, limit + side * 0.05 * far * width, anywhere)
+
+    def _velocity(self, kind: float, size: float, time: float, u: Array) -> tuple[Array, str]:
+        unit, direction = self._units.speed, 2.0 * u - 1.0
+        reference = self._reference_velocity(time)
+        if kind < 0.1:
+            return np.zeros(u.size), "at rest"
+        if kind < 0.2:
+            return reference, "at rest" if not reference.any() else "with the reference"
+        if kind < 0.55:
+            start = reference if kind < 0.4 else 0.0
+            return start + _log_uniform(size, CLOSEST, 1.0) * unit * _thinned(direction, kind * 20.0 % 1.0), "slow"
+        if kind < 0.85:
+            return 2.0 * unit * _thinned(direction, kind * 20.0 % 1.0), ""
+        fastest = np.maximum(4.0 * unit, _FASTEST * self._units.position)
+        return _log_uniform(size, 2.0, 1.0 + float((fastest / unit).max())) * unit * direction, "fast"
+
+    def _reference_velocity(self, time: float) -> Array:
+        if not self._changes:
+            return np.zeros(self._plant.n)
+        h = 0.5 * _FIRST_TIME
+        return (self._law.rest_posture(time + h) - self._law.rest_posture(time - h)) / (2.0 * h)
+
+
+def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name: str) -> tuple[Array, str]:
+    """Return a vector up to ``largest`` units: zero, tiny to large, or anywhere; one entry alone now and then."""
+    if u.size == 0:
+        return np.zeros(0), ""
+    if kind < 0.2:
+        return np.zeros(u.size), f"{name} = 0"
+    direction = _thinned(2.0 * u - 1.0, kind * 20.0 % 1.0)
+    if kind < 0.6:
+        return _log_uniform(size, CLOSEST, largest) * unit * direction, ""
+    return min(largest, 2.0) * unit * direction, ""
+
+
+def _thinned(direction: Array, choice: float) -> Array:
+    """Return the direction, in a quarter of the cases with one entry alone."""
+    if choice >= 0.25:
+        return direction
+    alone = np.zeros(direction.size)
+    entry = min(int(choice * 4.0 * direction.size), direction.size - 1)
+    alone[entry] = direction[entry]
+    return alone
+
+
+def _range(robot: Robot) -> tuple[Array, Array]:
+    """Return the joints' limits; where there are none a turn about zero, or a metre."""
+    half = np.where(np.array(robot.prismatic or [False] * robot.n), 0.5, np.pi)
+    bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    return np.where(bounded, robot.lower, -half), np.where(bounded, robot.upper, half)
+
+
+def _log_uniform(u: float, low: float, high: float) -> float:
+    return float(low * (high / low) ** u)
