@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import root
 
 from phcontrol._validation import Array, vector
+from phcontrol.analysis.certify import require_certificate
 from phcontrol.controllers.controller import Controller, Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
@@ -64,10 +65,12 @@ def equilibrium(
 
     Solves q̈ = 0 and the controller's rate = 0 at q̇ = 0, from the law's goal (or home) or ``guess`` [rad].
     Raises PHControlError when there is no such state near by: for example with integral action while f_e
-    is felt only through a sensor. Raises InvalidArgumentError for a law that follows a trajectory.
+    is felt only through a sensor, or when the law is not what it promises on its own model: what is said of its
+    storage function rests on that. Raises InvalidArgumentError for a law that follows a trajectory.
     """
     if isinstance(controller, TrajectoryTracking):
         raise InvalidArgumentError("controller", "follows a trajectory: it comes to no rest that could be found")
+    require_certificate(controller, controller.system, "what is said of the equilibrium", rest=False)
     n, size = system.n, controller.state_size
     force = vector("external_force", external_force, n)
     start = getattr(controller, "goal", system.robot.home) if guess is None else vector("guess", guess, n)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from phcontrol._validation import Array, count, positive, vector
+from phcontrol.analysis.certify import require_certificate
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -68,7 +69,8 @@ def force_control_conditions(
         samples: number of random states; sampled, not proved, between them.
         seed: of the random states.
 
-    Raises InvalidArgumentError for another law and for a box that is empty.
+    Raises InvalidArgumentError for another law and for a box that is empty, PHControlError for a law that is not what
+    it promises on this system.
     """
     if not isinstance(controller, ForceControl):
         raise InvalidArgumentError("controller", f"must be a ForceControl, but is {type(controller).__name__}")
@@ -81,6 +83,7 @@ def force_control_conditions(
         raise InvalidArgumentError("lower", f"{system.robot.name} has joints without limits: give lower and upper")
     if (low > high).any():
         raise InvalidArgumentError("lower", f"must not be above upper, but is {low} with upper {high}")
+    require_certificate(controller, system, "the proof of force control")
     states = [
         system.at(generator.uniform(low, high), generator.uniform(-speed, speed, system.n)) for _ in range(samples)
     ]

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import simpson
 
 from phcontrol._validation import Array, count, positive
+from phcontrol.analysis.certify import require_certificate
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
@@ -44,8 +45,11 @@ def l2_gain(controller: Controller, system: MechanicalSystem, *, samples: int = 
 
     The check evaluates (2.44), ∂Wᵀẋ₀ + |portᵀ∂W|²/(2γ²) + ½|ŷ|² ≤ 0, with ẋ₀ = (J_d − R_d)∇H_d.
 
+    The bound is one of the promise: the law must have its certificate on this system first.
+
     Raises InvalidArgumentError for a law to which the theorem does not apply: one without ``damping``, one
-    that feeds the measured force back (its port is another), a system with an input matrix.
+    that feeds the measured force back (its port is another), a system with an input matrix. Raises PHControlError
+    for a law that is not what it promises.
     """
     count("samples", samples)
     damping = getattr(controller, "damping", None)
@@ -58,6 +62,7 @@ def l2_gain(controller: Controller, system: MechanicalSystem, *, samples: int = 
         )
     if system.input_matrix is not None:
         raise InvalidArgumentError("system", "the bound is for G = I")
+    require_certificate(controller, system, "the bound of the L₂ gain")
     smallest = float(np.linalg.eigvalsh(damping)[0])
     bound, scale = 1.0 / smallest, 1.0 / smallest
     generator, worst = np.random.default_rng(seed), -np.inf

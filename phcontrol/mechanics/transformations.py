@@ -24,6 +24,7 @@ Structure = Callable[[Array, Array, float], Array]
 
 TOLERANCE = 1e-6
 _STEP = 2e-4
+_DEGENERATE = 1e-8  # smallest singular value of ∂Φ/∂(q, p) with columns of length 1: finite differences leave 1e-11
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,29 @@ def check_canonical_transformation(
             dissipation = dissipation + added
         flow[n:] += state.input_matrix @ input_change(position, momentum, time)
         slope = _gradient(transformed, point)
+        _check_regular(slope, point)
         drift = central_difference(partial(_later, transformed, point, time), _STEP)
         terms = slope * flow[:, None]
         scale = max(1.0, float(np.abs(terms).max()), float(np.abs(drift).max()))
         residual = max(residual, float(np.abs(terms.sum(axis=0) - drift).max()) / scale)
         smallest = min(smallest, float(np.linalg.eigvalsh(dissipation)[0]))
     return CanonicalCheck(samples, residual, smallest)
+
+
+def _check_regular(slope: Array, point: Array) -> None:
+    """Raise InvalidArgumentError where Φ is no change of coordinates: too few of them, or dependent ones."""
+    place = np.array2string(point, precision=3)
+    if slope.shape != (point.size, point.size):
+        raise InvalidArgumentError(
+            "transformation", f"must give {point.size} coordinates for (q, p), but gives {slope.shape[-1:]} at {place}"
+        )
+    lengths = np.linalg.norm(slope, axis=0)
+    if not np.isfinite(slope).all() or not (lengths > 0.0).all():
+        raise InvalidArgumentError("transformation", f"a coordinate does not change with (q, p) at {place}")
+    if np.linalg.svd(slope / lengths, compute_uv=False)[-1] < _DEGENERATE:
+        raise InvalidArgumentError(
+            "transformation", f"is degenerate: its coordinates do not determine (q, p) at {place}"
+        )
 
 
 def _later(function: Callable[[Array, float], Array], point: Array, time: float, shift: float) -> Array:

@@ -19,11 +19,15 @@ from phcontrol import (
     IntegralAction,
     MechanicalSystem,
     MinimumJerk,
+    PHControlError,
     StribeckFriction,
     Target,
     TotalForceRejection,
     TrajectoryTracking,
     certify,
+    equilibrium,
+    force_control_conditions,
+    l2_gain,
     load_robot,
     make_controller,
 )
@@ -506,3 +510,33 @@ def test_seeds_and_samples_are_part_of_the_certificate(pera):
     found = {certify(law, samples=n, seed=seed).matching_residual for n, seed in itertools.product((16, 32), (0, 1))}
     assert len(found) == 4
     assert certify(law, samples=16, seed=3) == certify(law, samples=16, seed=3)
+
+
+# --- what rests on a promise demands the promise ----------------------------------------------------
+
+
+class TenthOfItsDamping(ForceFeedback):
+    """Its damping is a tenth of what it says and promises."""
+
+    def shape(self, t, x, state, measured):
+        law = super().shape(t, x, state, measured)
+        adapted = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        return law._replace(effort=law.effort + 0.9 * x.injected_damping(self.damping, adapted))
+
+
+def test_gains_equilibria_and_conditions_need_a_certificate():
+    plant = MechanicalSystem(load_robot("pera_shoulder"), friction=None)
+    false = TenthOfItsDamping.tuned(plant)
+    with pytest.raises(PHControlError, match="(?s)bound of the L₂ gain.*no certificate.*matching residual.*FAILED"):
+        l2_gain(false, plant)
+    with pytest.raises(PHControlError, match="equilibrium rests on the promise"):
+        equilibrium(false, plant, [1.0, 0.0])
+    with pytest.raises(PHControlError, match="(?s)L₂ gain.*largest real part"):
+        l2_gain(negative_stiffness("pera"), system("pera"))  # an eigenvalue on the right
+
+    class Forgetful(ForceControl):
+        def shape(self, t, x, state, measured):
+            return super().shape(t, x, state, measured)._replace(offset_rate=None)
+
+    with pytest.raises(PHControlError, match="proof of force control rests on the promise"):
+        force_control_conditions(Forgetful.tuned(plant), plant)

@@ -136,3 +136,18 @@ def test_negative_dissipation_is_caught():
     )
     assert check.residual < 1e-6
     assert not check.passed
+
+
+@pytest.mark.parametrize(
+    ("phi", "complaint"),
+    [
+        (lambda q, p, t: np.zeros(4), "does not change"),
+        (lambda q, p, t: np.concatenate([q, q]), "is degenerate"),
+        (lambda q, p, t: np.concatenate([p, np.sum(p) * np.ones(2)]), "is degenerate"),
+        (lambda q, p, t: q, "must give 4 coordinates"),
+    ],
+)
+def test_a_transformation_that_forgets_coordinates_is_refused(phi, complaint):
+    """Φ = 0 solves (2.25) for any U and β, and says nothing."""
+    with pytest.raises(InvalidArgumentError, match=f"transformation: .*{complaint}"):
+        check_canonical_transformation(phi, nothing, no_input, make_system("pera_shoulder"), samples=2)
