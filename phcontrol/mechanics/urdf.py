@@ -243,7 +243,13 @@ class _Reader:
             if tag in found and tag not in _REPEATED:
                 self._findings.add(child.line, f"{owner} has a second <{tag}>; only one can hold")
             found[tag] = child
-            for name in child.attrib if tag in _ATTRIBUTES else ():
+            if tag not in _ATTRIBUTES:
+                continue
+            for inner in child:
+                self._findings.add(
+                    child.line, f"{owner}: <{tag}> holds an element <{inner.tag}>; nothing is read there"
+                )
+            for name in child.attrib:
                 if name not in _ATTRIBUTES[tag] and ":" not in name:
                     listing = ", ".join(sorted(_ATTRIBUTES[tag]))
                     self._findings.add(child.line, f"{owner}: <{tag}> has no attribute '{name}'; it may have {listing}")
