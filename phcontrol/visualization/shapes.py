@@ -104,8 +104,8 @@ def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
             except (OSError, ValueError, ImportError) as error:
                 notes.append(f"link {link.name} is not drawn: {error}")
     if notes:
-        advice = "Give load_robot the package_directories of the meshes"
-        warnings.warn(f"{robot.name}: {'; '.join(notes)}. {advice}", RobotDescriptionWarning, stacklevel=2)
+        advice = ". load_robot(..., package_directories=...) says where meshes are"
+        warnings.warn(f"{robot.name}: {'; '.join(notes)}{advice}", RobotDescriptionWarning, stacklevel=2)
     if not any(shapes.values()):
         notes.append(f"{robot.name} has no shapes to draw: lines between its joints instead")
     return shapes, notes
