@@ -28,25 +28,25 @@ def read_trajectory(path: str | os.PathLike[str], robot: Robot, *, smoothing: fl
         text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets begin a file with a byte-order mark
     except (OSError, UnicodeDecodeError) as error:
         raise DataFileError(f"cannot read the trajectory {path}: {error}") from error
-    lines = [(k, line.split(",")) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    lines = [line.split(",") for line in text.splitlines() if line.strip()]
     names = ["time", *robot.joint_names]
     order = list(range(len(names)))
-    if lines and decimal(lines[0][1][0]) is None:
-        header = [name.strip() for name in lines.pop(0)[1]]
+    if lines and decimal(lines[0][0]) is None:
+        header = [name.strip() for name in lines.pop(0)]
         if sorted(header) != sorted(names):
             raise DataFileError(f"cannot read the trajectory {path}: its columns must be {names}, but are {header}")
         order = [header.index(name) for name in names]
-    rows = [[_number(path, k, cell) for cell in cells] for k, cells in lines]
+    rows = [[_number(path, k, cell) for cell in cells] for k, cells in enumerate(lines, start=1)]
     if not rows or any(len(row) != len(names) for row in rows):
         raise DataFileError(f"cannot read the trajectory {path}: each row must hold {len(names)} numbers: {names}")
     table = np.array(rows)[:, order]
     return SampledTrajectory(table[:, 0], table[:, 1:], smoothing=smoothing)
 
 
-def _number(path: str | os.PathLike[str], line: int, text: str) -> float:
+def _number(path: str | os.PathLike[str], row: int, text: str) -> float:
     value = decimal(text)
     if value is None:
         raise DataFileError(
-            f"cannot read the trajectory {path}: line {line} holds '{text}', not a decimal number such as 0.25 or 1e-3"
+            f"cannot read the trajectory {path}: row {row} holds '{text}', not a number such as 0.25 or 1e-3"
         )
     return value

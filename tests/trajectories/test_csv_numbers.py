@@ -30,7 +30,7 @@ def test_a_byte_order_mark_is_no_content(tmp_path, header, encoding):
 
 @pytest.mark.parametrize("cell", ["1_0", "nan", "inf", "0x1", "", "0.2 rad", "１", "1e999", "true"])
 def test_a_cell_that_is_no_decimal_number_is_refused(tmp_path, cell):
-    with pytest.raises(DataFileError, match=rf"line 3 holds '{cell}', not a decimal number such as 0\.25"):
+    with pytest.raises(DataFileError, match=rf"row 2 holds '{cell}', not a number such as 0\.25"):
         read(tmp_path, ROWS.replace("\n1,0.2,", f"\n\n1,{cell},"))
 
 
