@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,6 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 
 Array = NDArray[np.float64]
+
+_DECIMAL = re.compile(r"[ \t\r\n]*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?[ \t\r\n]*")
+
+
+def decimal(text: str) -> float | None:
+    """Return the finite decimal number that a text is, or None.
+
+    ``float`` takes more than files mean: "1_0", "nan", "infinity", digits of other scripts.
+    """
+    value = float(text) if _DECIMAL.fullmatch(text) else math.nan
+    return value if math.isfinite(value) else None
 
 
 def finite_array(name: str, value: ArrayLike) -> Array:
@@ -92,6 +104,8 @@ def number(
         result = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidArgumentError(name, f"must be a number, but is {value!r}") from error
+    if isinstance(value, str) and math.isfinite(result) and decimal(value) is None:
+        raise InvalidArgumentError(name, f"must be a number, but is {value!r}")
     if not math.isfinite(result):
         raise InvalidArgumentError(name, f"must be finite, but is {result}")
     if result < minimum or (exclusive and result == minimum):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from phcontrol.simulation.log import Log
@@ -13,6 +13,16 @@ if TYPE_CHECKING:
 
 class PHControlError(Exception):
     """Root of every error that phcontrol raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle message and evidence. Python would call the constructor with the message alone."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: type[PHControlError], args: tuple[object, ...], evidence: dict[str, object]) -> PHControlError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(evidence)
+    return error
 
 
 class InvalidArgumentError(PHControlError, ValueError):
@@ -36,6 +46,10 @@ class UnknownNameError(PHControlError, LookupError):
 
 class RobotDescriptionError(PHControlError):
     """A robot description cannot be read, or describes something that is not a fixed-base arm."""
+
+
+class RobotDescriptionWarning(UserWarning):
+    """A robot description is used as it is, but says something that a user should know."""
 
 
 class MissingMeasurementError(PHControlError):

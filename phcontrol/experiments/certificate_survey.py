@@ -60,7 +60,7 @@ def survey(
         try:
             system = MechanicalSystem(load_robot(name))
         except RobotDescriptionError as error:
-            yield SurveyRow(name, 0, "", refused=str(error))
+            yield SurveyRow(name, 0, "", refused=" ".join(str(error).split()))
             continue
         for law in laws:
             forms = CONTROLLERS[law].law.forms if form == "all" else (form,)

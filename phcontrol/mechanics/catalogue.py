@@ -37,9 +37,15 @@ class Description:
     semantic_path: Path | None = None
     reference_posture: str | None = None
     has_rotor_parameters: bool = False
+    is_file: bool = False
     package_directories: tuple[Path, ...] = ()
     text: str | None = None
     """The URDF itself, where it is not to be read from ``path``."""
+
+    @property
+    def label(self) -> str:
+        """What errors call it: the path of a file of the user's own, the name of an arm that has one."""
+        return str(self.path) if self.is_file else f"{self.name} ({self.path.name})"
 
 
 def find(source: str | os.PathLike[str]) -> Description:
@@ -54,7 +60,7 @@ def find(source: str | os.PathLike[str]) -> Description:
             )
         if not path.is_file():
             raise RobotDescriptionError(f"{path}: no such file")
-        return Description(path.stem, path, package_directories=(path.parent,))
+        return Description(path.stem, path, package_directories=(path.parent,), is_file=True)
     if name in table():
         return Description(name, _urdf_directory() / f"{name}.urdf", extras=table()[name])
     loaders = _example_loaders()

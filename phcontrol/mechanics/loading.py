@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, per_joint, sequence
-from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
+from phcontrol._validation import Array, decimal, number, per_joint, sequence
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, RobotDescriptionWarning
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
+from phcontrol.mechanics.markup import read_markup
+from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
 from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
+from phcontrol.mechanics.structure import check_tree
+from phcontrol.mechanics.urdf import Joint, Mimic, Urdf, canonical, read_urdf
 
 DRY_FRICTION_SMOOTHING = 1e-3
 """α_f [rad²/s²] used with the dry friction of a URDF, which has no such number."""
-
-_UNBOUNDED = "1e6"  # stands for an absent limit in the text given to the URDF parser, which refuses "inf"
 
 
 def load_robot(
@@ -45,23 +47,30 @@ def load_robot(
             description gives.
         package_directories: where ``package://`` names of meshes are looked for (visualization only).
 
+    A description is read strictly: what is misspelt, missing, no number or impossible is refused, with file and line.
+    What is only implausible (moments of inertia that no rigid body has exactly, units that seem not to be SI), and
+    joints without a known effort or velocity limit, make a :class:`RobotDescriptionWarning`.
+
     Raises:
         UnknownNameError: no robot or joint of that name; lists those that exist.
-        RobotDescriptionError: unreadable or broken file, floating base, or a mass matrix that is not
-            positive definite.
+        RobotDescriptionError: unreadable, broken or impossible description, floating base, or a mass matrix that is
+            not positive definite.
     """
     description = find(source)
     for directory in sequence("package_directories", package_directories, "paths"):
         if not isinstance(directory, (str, os.PathLike)):
             raise InvalidArgumentError("package_directories", f"must hold paths, but one is {directory!r}")
         description.package_directories += (Path(directory),)
-    robot = _build(description, locked_joints)
+    urdf = _read(description)
+    robot = _build(description, urdf, locked_joints)
     if armature is None and "armature" in description.extras:
         rotors = description.extras["armature"]
         armature = {name: value for name, value in rotors.items() if name in robot.joint_names}
     if armature is not None:
         robot = _with_armature(robot, armature)
     robot.check_inertia()
+    for doubt in (*doubts(urdf), *_unlimited(robot)):
+        warnings.warn(f"{description.label}: {doubt}", RobotDescriptionWarning, stacklevel=2)
     return robot
 
 
@@ -78,7 +87,7 @@ def robot_from_record(record: Mapping[str, Any]) -> Robot:
             package_directories=tuple(Path(directory) for directory in record["package_directories"]),
             text=str(record["urdf"]),
         )
-        robot = _build(description, dict(record["locked_joints"]))
+        robot = _build(description, _read(description), dict(record["locked_joints"]))
         names = tuple(record["joint_names"])
     except (KeyError, TypeError) as error:
         raise RobotDescriptionError(f"not the record of a robot: {error!r}") from error
@@ -87,19 +96,21 @@ def robot_from_record(record: Mapping[str, Any]) -> Robot:
     return robot
 
 
-def _build(description: Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
-    root = _parse(description.path, description.text)
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint") if joint.get("type") != "fixed"}
-    continuous = _make_continuous_revolute(joints)
-    text = ET.tostring(root, encoding="unicode")
+def _read(description: Description) -> Urdf:
+    urdf = read_urdf(description.path, description.label, description.text)
+    check_tree(urdf)
+    check_bodies(urdf)
+    return urdf
+
+
+def _build(description: Description, urdf: Urdf, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
+    joints = {joint.name: joint for joint in urdf.joints if joint.moves}
     try:
-        model = pin.buildModelFromXML(text)
+        model = pin.buildModelFromXML(canonical(urdf))
     except Exception as error:  # urdfdom and Pinocchio raise several kinds
-        raise RobotDescriptionError(f"{description.path}: not a valid URDF: {error}") from error
-    if model.nv == 0:
-        raise RobotDescriptionError(f"{description.path}: has no moving joint")
+        raise RobotDescriptionError(f"{description.label}: not a valid URDF: {error}") from error
     _read_rotor_parameters(model, description)
-    mimics = {name: _mimic(joint) for name, joint in joints.items() if joint.find("mimic") is not None}
+    mimics = {name: joint.mimic for name, joint in joints.items() if joint.mimic is not None}
     home = _home(model, description)
     if "home" in description.extras:
         free = [name not in mimics for name in list(model.names)[1:]]
@@ -112,45 +123,7 @@ def _build(description: Description, locked_joints: Sequence[str] | Mapping[str,
         home = np.array([angles[name] for name in list(model.names)[1:]])
         model = pin.buildReducedModel(model, [model.getJointId(name) for name in locked], home)
         home = np.array([angles[name] for name in list(model.names)[1:]])
-    return _assemble(description, model, joints, home, continuous, mimics, locked, text)
-
-
-def _parse(path: Path, text: str | None = None) -> ET.Element:
-    try:
-        text = path.read_text(encoding="utf-8") if text is None else text
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotDescriptionError(f"{path}: cannot be read: {error}") from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise RobotDescriptionError(f"{path}: has a document type declaration, which a URDF never needs; refused")
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError) as error:
-        raise RobotDescriptionError(f"{path}: not well-formed XML: {error}") from error
-    if root.tag != "robot":
-        raise RobotDescriptionError(f"{path}: not a URDF: the root element is <{root.tag}>, not <robot>")
-    for joint in root.findall("joint"):
-        kind = joint.get("type")
-        if kind in ("floating", "planar"):
-            raise RobotDescriptionError(
-                f"{path}: joint '{joint.get('name')}' is {kind}; phcontrol controls fixed-base arms of revolute, "
-                "continuous and prismatic joints"
-            )
-    return root
-
-
-def _make_continuous_revolute(joints: dict[str, ET.Element]) -> set[str]:
-    """Turn continuous joints into revolute ones without limits, so that each is one angle (n = nq = nv)."""
-    names = set()
-    for name, joint in joints.items():
-        if joint.get("type") == "continuous":
-            names.add(name)
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            if limit is None:
-                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
-            limit.set("lower", f"-{_UNBOUNDED}")
-            limit.set("upper", _UNBOUNDED)
-    return names
+    return _assemble(description, model, joints, home, mimics, locked, urdf.text)
 
 
 def _read_rotor_parameters(model: pin.Model, description: Description) -> None:
@@ -168,27 +141,29 @@ def _home(model: pin.Model, description: Description) -> Array:
     if description.semantic_path is None or description.reference_posture is None:
         return home
     names = list(model.names)[1:]
-    for state in _parse(description.semantic_path).iter("group_state"):
+    for state in read_markup(description.semantic_path, description.semantic_path.name).iter("group_state"):
         if state.get("name") != description.reference_posture:
             continue
         for joint in state.iter("joint"):
-            values = [float(value) for value in joint.get("value", "0").split()]
-            if joint.get("name") in names:  # a continuous joint may be given by its cosine and sine
-                angle = math.atan2(values[1], values[0]) if len(values) == 2 else values[0]
-                home[names.index(joint.get("name", ""))] = angle
+            if joint.get("name") not in names:
+                continue
+            texts = joint.get("value", "").split()
+            values = [value for text in texts if (value := decimal(text)) is not None]
+            if len(values) not in (1, 2) or len(values) < len(texts):
+                raise RobotDescriptionError(
+                    f"{description.semantic_path.name}: joint '{joint.get('name')}' has the value "
+                    f"'{joint.get('value')}'; it must be a decimal number"
+                )
+            # a continuous joint may be given by its cosine and sine
+            angle = math.atan2(values[1], values[0]) if len(values) == 2 else values[0]
+            home[names.index(joint.get("name", ""))] = angle
     return home
-
-
-def _mimic(joint: ET.Element) -> tuple[str, float, float]:
-    element = joint.find("mimic")
-    assert element is not None
-    return element.get("joint", ""), float(element.get("multiplier", 1.0)), float(element.get("offset", 0.0))
 
 
 def _locked_angles(
     robot: str,
     locked_joints: Sequence[str] | Mapping[str, float],
-    mimics: dict[str, tuple[str, float, float]],
+    mimics: dict[str, Mimic],
     names: list[str],
     home: Array,
 ) -> dict[str, float]:
@@ -205,18 +180,16 @@ def _locked_angles(
     changed = True
     while changed:  # what follows a locked joint is locked too
         followers = {
-            name: multiplier * locked[leader] + offset
-            for name, (leader, multiplier, offset) in mimics.items()
-            if leader in locked and name not in locked
+            name: mimic.multiplier * locked[mimic.joint] + mimic.offset
+            for name, mimic in mimics.items()
+            if mimic.joint in locked and name not in locked
         }
         locked |= followers
         changed = bool(followers)
     return locked
 
 
-def _coupling(
-    names: list[str], mimics: dict[str, tuple[str, float, float]], robot: str
-) -> tuple[list[str], Coupling | None]:
+def _coupling(names: list[str], mimics: dict[str, Mimic], robot: str) -> tuple[list[str], Coupling | None]:
     followers = {name: mimics[name] for name in names if name in mimics}
     independent = [name for name in names if name not in followers]
     if not followers:
@@ -225,8 +198,8 @@ def _coupling(
     for row, name in enumerate(names):
         gain, shift, seen = 1.0, 0.0, [name]
         while seen[-1] in followers:  # a follower may follow a follower
-            leader, multiplier, constant = followers[seen[-1]]
-            gain, shift = gain * multiplier, shift + gain * constant
+            mimic, leader = followers[seen[-1]], followers[seen[-1]].joint
+            gain, shift = gain * mimic.multiplier, shift + gain * mimic.offset
             if leader in seen or leader not in names:
                 raise RobotDescriptionError(
                     f"{robot}: joint '{seen[-1]}' mimics '{leader}', which is no joint it can follow"
@@ -240,17 +213,16 @@ def _coupling(
 def _assemble(
     description: Description,
     model: pin.Model,
-    joints: dict[str, ET.Element],
+    joints: dict[str, Joint],
     home: Array,
-    continuous: set[str],
-    mimics: dict[str, tuple[str, float, float]],
+    mimics: dict[str, Mimic],
     locked: dict[str, float],
     text: str,
 ) -> Robot:
     all_names = list(model.names)[1:]
     names, coupling = _coupling(all_names, mimics, description.name)
     index = [all_names.index(name) for name in names]
-    turning = np.array([name in continuous for name in names])
+    turning = np.array([joints[name].kind == "continuous" for name in names])
     extras = description.extras
     described = [name for name in joints if name not in mimics]
     friction = _friction([joints[name] for name in names], [described.index(name) for name in names], extras)
@@ -261,10 +233,10 @@ def _assemble(
         home=home[index],
         lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
         upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
-        velocity_limit=_limit_or_infinite("velocity", names, np.asarray(model.upperVelocityLimit)[index]),
-        effort_limit=_limit_or_infinite("effort", names, np.asarray(model.upperEffortLimit)[index]),
+        velocity_limit=_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
+        effort_limit=_or_infinite(np.asarray(model.upperEffortLimit)[index]),
         continuous=turning,
-        prismatic=tuple(joints[name].get("type") == "prismatic" for name in names),
+        prismatic=tuple(joints[name].kind == "prismatic" for name in names),
         friction=friction,
         potentials=_springs(extras, names),
         tool_frame=extras.get("tool_frame"),
@@ -275,7 +247,6 @@ def _assemble(
         package_directories=description.package_directories,
         locked_joints=locked,
     )
-    _check_limits(robot)
     for array in (robot.home, robot.lower, robot.upper, robot.velocity_limit, robot.effort_limit):
         array.flags.writeable = False
     return robot
@@ -292,31 +263,26 @@ def _springs(extras: dict[str, Any], names: list[str]) -> tuple[Potential, ...]:
     return (OnJoint(spring, names.index(joint)),) if joint in names else ()
 
 
-def _check_limits(robot: Robot) -> None:
-    for joint, name in enumerate(robot.joint_names):
-        low, high = robot.lower[joint], robot.upper[joint]
-        if not low <= high:  # NaN too
-            raise RobotDescriptionError(
-                f"{robot.name}: joint '{name}' has the lower limit {low:g} and the upper limit {high:g}"
-            )
-
-
-def _limit_or_infinite(kind: str, names: list[str], values: Array) -> Array:
+def _or_infinite(values: Array) -> Array:
     """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
-    for name, value in zip(names, values, strict=True):
-        if not value >= 0.0:
-            raise RobotDescriptionError(f"joint '{name}' has the {kind} limit {value:g}; it must not be negative")
     return np.where(values > 0.0, values, np.inf)
 
 
-def _friction(joints: list[ET.Element], places: list[int], extras: dict[str, Any]) -> StribeckFriction | None:
+def _unlimited(robot: Robot) -> Iterator[str]:
+    """Yield which joints have no limit of effort or speed, for nothing holds a law back there."""
+    limits = {"effort": robot.effort_limit, "velocity": robot.velocity_limit}
+    for kind, values in limits.items():
+        names = np.array(robot.joint_names)[np.isinf(values)]
+        if names.size:
+            yield (
+                f"gives no {kind} limit, or 0, for {', '.join(names)}: none is applied. Give {kind} in the <limit> of "
+                f"each, or Limits({kind}=...) to a TorqueFilter"
+            )
+
+
+def _friction(joints: list[Joint], places: list[int], extras: dict[str, Any]) -> StribeckFriction | None:
     """Return the friction of joints, or None; ``places`` says which entries of the lists in ``extras`` are theirs."""
-
-    def read(key: str) -> list[float]:
-        elements = [joint.find("dynamics") for joint in joints]
-        return [0.0 if element is None else float(element.get(key, 0.0)) for element in elements]
-
-    viscous, coulomb = read("damping"), read("friction")
+    viscous, coulomb = [joint.damping for joint in joints], [joint.friction for joint in joints]
     static = [extras["static"][place] for place in places] if "static" in extras else coulomb
     speed = [extras["stribeck_velocity"][place] for place in places] if "stribeck_velocity" in extras else None
     if not (any(viscous) or any(coulomb) or any(static)):

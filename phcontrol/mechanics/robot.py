@@ -168,11 +168,12 @@ class Robot:
                     f"{self.name}: mass or inertia behind joint '{model.names[index]}' is not finite"
                 )
             moments = np.linalg.eigvalsh(inertia.inertia)
-            if inertia.mass < 0.0 or moments[0] < -1e-9 * max(1.0, moments[-1]):
+            if inertia.mass < 0.0 or moments[0] < -1e-2 * moments[-1]:
                 raise RobotDescriptionError(
                     f"{self.name}: the link moved by joint '{model.names[index]}' has mass {inertia.mass:g} kg and "
                     f"principal moments of inertia {moments} kg m²; none may be negative"
                 )
+        self._check_massless()
         generator = np.random.default_rng(0)
         for sample in range(samples):
             position = self.home if sample == 0 else self.random_position(generator)
@@ -192,11 +193,39 @@ class Robot:
                     f"or lock the joint with locked_joints=['{joint}']"
                 )
 
+    def _check_massless(self) -> None:
+        """Raise RobotDescriptionError, naming all of them, where joints move nothing that has mass or inertia."""
+        model = self.model
+        moved = np.zeros(model.njoints, dtype=bool)  # whether a joint moves something, or turns a rotor
+        for index in range(model.njoints - 1, 0, -1):
+            inertia = model.inertias[index]
+            moved[index] |= bool(inertia.mass > 0.0 or inertia.inertia.any())
+            moved[model.parents[index]] |= moved[index]
+        moved[1:] |= np.asarray(model.armature) > 0.0
+        matrix = np.eye(model.nv) if self.coupling is None else self.coupling.matrix
+        massless = [name for k, name in enumerate(self.joint_names) if not moved[1:][matrix[:, k] != 0.0].any()]
+        if not massless:
+            return
+        bodies = [
+            frame.name
+            for frame in model.frames
+            if frame.type == pin.FrameType.BODY and model.names[frame.parentJoint] in massless
+        ]
+        raise RobotDescriptionError(
+            f"{self.name}: the mass matrix is not positive definite: what moves with {_listing('joint', massless)} has "
+            f"no mass or inertia. Give {_listing('link', bodies)} an <inertial> element, give the joints rotors with "
+            f"armature=..., or lock them with locked_joints={massless}"
+        )
+
 
 def wrapped(angle: Array) -> Array:
     """Return angles taken to (−π, π] by whole turns [rad]."""
     result: Array = np.pi - np.remainder(np.pi - angle, 2.0 * np.pi)
     return result
+
+
+def _listing(kind: str, names: list[str]) -> str:
+    return f"{kind}{'s' if len(names) > 1 else ''} " + ", ".join(f"'{name}'" for name in names)
 
 
 def check_joint_names(names: Sequence[str], known: Sequence[str], robot: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from phcontrol._validation import decimal
 from phcontrol.exceptions import DataFileError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.trajectories.splines import SampledTrajectory
@@ -24,33 +25,28 @@ def read_trajectory(path: str | os.PathLike[str], robot: Robot, *, smoothing: fl
         smoothing: as in :class:`SampledTrajectory`.
     """
     try:
-        lines = [line for line in Path(path).read_text(encoding="utf-8").splitlines() if line.strip()]
+        text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets begin a file with a byte-order mark
     except (OSError, UnicodeDecodeError) as error:
         raise DataFileError(f"cannot read the trajectory {path}: {error}") from error
+    lines = [line.split(",") for line in text.splitlines() if line.strip()]
     names = ["time", *robot.joint_names]
     order = list(range(len(names)))
-    if lines and not _is_number(lines[0].split(",")[0]):
-        header = [name.strip() for name in lines.pop(0).split(",")]
+    if lines and decimal(lines[0][0]) is None:
+        header = [name.strip() for name in lines.pop(0)]
         if sorted(header) != sorted(names):
             raise DataFileError(f"cannot read the trajectory {path}: its columns must be {names}, but are {header}")
         order = [header.index(name) for name in names]
-    rows = [[_number(path, k, cell) for cell in line.split(",")] for k, line in enumerate(lines, start=1)]
+    rows = [[_number(path, k, cell) for cell in cells] for k, cells in enumerate(lines, start=1)]
     if not rows or any(len(row) != len(names) for row in rows):
         raise DataFileError(f"cannot read the trajectory {path}: each row must hold {len(names)} numbers: {names}")
     table = np.array(rows)[:, order]
     return SampledTrajectory(table[:, 0], table[:, 1:], smoothing=smoothing)
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _number(path: str | os.PathLike[str], row: int, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise DataFileError(f"cannot read the trajectory {path}: row {row} holds '{text}', not a number") from error
+    value = decimal(text)
+    if value is None:
+        raise DataFileError(
+            f"cannot read the trajectory {path}: row {row} holds '{text}', not a number such as 0.25 or 1e-3"
+        )
+    return value

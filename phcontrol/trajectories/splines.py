@@ -72,7 +72,9 @@ class SampledTrajectory(PiecewisePolynomial):
         weight = number("smoothing", smoothing, minimum=0.0)
         instants, points = check_knots(times, positions, 5 if weight else 2)
         if weight:
-            spline = interpolate.make_smoothing_spline(instants, points, lam=weight)
+            # joint by joint: SciPy takes several at once only since 1.16, which Python 3.10 cannot have
+            parts = [interpolate.make_smoothing_spline(instants, joint, lam=weight) for joint in points.T]
+            spline = interpolate.BSpline(parts[0].t, np.stack([part.c for part in parts], axis=1), parts[0].k)
         else:
             degree = next(k for k in (5, 3, 1) if k < len(points))
             spline = interpolate.make_interp_spline(instants, points, k=degree)

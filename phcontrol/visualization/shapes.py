@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -14,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
+from phcontrol.exceptions import RobotDescriptionWarning
 from phcontrol.mechanics.robot import Robot
 
 GREY = (0.62, 0.64, 0.67, 1.0)
@@ -101,6 +103,9 @@ def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
                 shapes[link.name] += _visual(visual, materials, robot)
             except (OSError, ValueError, ImportError) as error:
                 notes.append(f"link {link.name} is not drawn: {error}")
+    if notes:
+        advice = ". load_robot(..., package_directories=...) says where meshes are"
+        warnings.warn(f"{robot.name}: {'; '.join(notes)}{advice}", RobotDescriptionWarning, stacklevel=2)
     if not any(shapes.values()):
         notes.append(f"{robot.name} has no shapes to draw: lines between its joints instead")
     return shapes, notes

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import InvalidArgumentError, MechanicalSystem, RobotDescriptionError, UnknownNameError, load_robot
+from phcontrol import (
+    InvalidArgumentError,
+    MechanicalSystem,
+    RobotDescriptionError,
+    RobotDescriptionWarning,
+    UnknownNameError,
+    load_robot,
+)
 from tests.conftest import FINGERS
 
 INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -52,7 +59,9 @@ def test_a_prismatic_joint(tmp_path):
 
 
 def test_a_continuous_joint_is_one_angle_without_limits(tmp_path):
-    robot = load_robot(urdf(tmp_path, "continuous", limit=""))
+    with pytest.warns(RobotDescriptionWarning, match="no (effort|velocity) limit, or 0, for elbow") as caught:
+        robot = load_robot(urdf(tmp_path, "continuous", limit=""))
+    assert len(caught) == 2
     assert robot.n == robot.model.nq == 1
     assert robot.upper[0] == np.inf
     assert robot.effort_limit[0] == np.inf
@@ -83,7 +92,7 @@ def test_mimic_joints_follow_exactly(rng):
         ("", "not well-formed XML"),
         ("<model/>", "the root element is <model>, not <robot>"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="x"/>', "document type declaration"),
-        ('<robot name="x"/>', "not a valid URDF"),
+        ('<robot name="x"/>', "has no link"),
         ('<robot name="x"><link name="a"/></robot>', "has no moving joint"),
         (b"\xff\xfe\x00", "cannot be read"),
     ],

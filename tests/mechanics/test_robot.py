@@ -36,7 +36,7 @@ def test_random_positions_fill_the_limits_and_keep_the_margin(tmp_path):
     path = chain(
         tmp_path,
         ("revolute", limits(-0.5, 1.5), ""),
-        ("continuous", "", ""),
+        ("continuous", limits(0, 0), ""),
         ("prismatic", limits(-9, 9), ""),
         ("prismatic", limits(0.1, 0.3), ""),
         ("revolute", limits(-10, 10), ""),
@@ -89,7 +89,7 @@ def test_friction_of_one_joint_alone(tmp_path, dynamics, viscous, coulomb):
 def test_impossible_inertia_is_refused(tmp_path, case):
     arguments = {"mass": {"mass": -1.0}, "moment": {"inertia": -0.1}, "none": {"mass": 0.0, "inertia": 0.0}}[case]
     path = chain(tmp_path, ("revolute", limits(-1, 1), ""), ("revolute", limits(-1, 1), ""), **arguments)
-    with pytest.raises(RobotDescriptionError, match=r"none may be negative|not positive definite"):
+    with pytest.raises(RobotDescriptionError, match=r"must not be negative|none may be negative|not positive definite"):
         load_robot(path)
 
 

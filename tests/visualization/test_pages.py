@@ -75,6 +75,7 @@ def test_play_pause_scrub_and_speed(browser, log, tmp_path):
         assert page.problems == []
 
 
+@pytest.mark.filterwarnings("ignore::phcontrol.RobotDescriptionWarning")
 def test_a_missing_mesh_is_said_on_the_page(browser, tmp_path):
     from tests.visualization.test_stage import ARM
 

@@ -19,6 +19,7 @@ from phcontrol import (
     PHControlError,
     PinholeCamera,
     RigidBody,
+    RobotDescriptionWarning,
     SphereContact,
     load_robot,
     make_controller,
@@ -161,7 +162,8 @@ def test_a_mesh_that_is_missing_or_broken_is_a_note(tmp_path, content, note):
     (tmp_path / "arm.urdf").write_text(ARM.format(mesh))
     if content is not None:
         (tmp_path / "arm.stl").write_bytes(content)
-    stage = Stage(load_robot(tmp_path / "arm.urdf"))
+    with pytest.warns(RobotDescriptionWarning, match=note):  # on the console too
+        stage = Stage(load_robot(tmp_path / "arm.urdf"))
     (first, second) = stage.notes
     assert first.startswith("link arm is not drawn: ")
     assert any(part in first for part in note.split("|"))
