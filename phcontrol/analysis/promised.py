@@ -38,7 +38,7 @@ def undetermined(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
             return acting.coordinates(at.time, view, y[plant.n :], measured)
 
         start = np.concatenate([at.velocity, state])
-        slope = jacobian(coordinates, start, np.ones(len(start)), _STEP)
+        slope, _ = jacobian(coordinates, start, np.ones(len(start)), _STEP)
         lengths = np.linalg.norm(slope, axis=0)
         rank = 0
         if slope.size and lengths.max() > 0.0:

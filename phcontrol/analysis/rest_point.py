@@ -16,11 +16,13 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
-_STEPS = (1e-3, 1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; the pair that agrees best is taken
-_AGREEMENT = 1e-9  # of two steps, with which no other is tried
+_STEPS = (1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; for each column the best is taken
+_ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
 _ITERATIONS = 30
 _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
 _FOUND = 1e-8  # of what a natural unit away changes
+_EXACT = 1e-12  # the same, of a zero that cannot be bettered
+_DIRECTIONS = 3  # in which that is looked at
 ENVIRONMENT_FREQUENCY = 4.0
 """Of each joint on the spring that it touches where a force-controlled law rests [rad/s]."""
 
@@ -96,7 +98,7 @@ class _Neighbourhood:
         y, found = self._root(self._gradient if free else self._rate)
         n, law = self._n, self._law
         A, error = self._jacobian(self._rate, y)
-        unrest = 0.0 if law.time_span else self._left(self._rate(y), A)
+        unrest = 0.0 if law.time_span else self._left(self._rate, y, self._rate(y))
         scaled = A * self._units / self._units[:, None]
         values, uncertainty = _spectrum(scaled, error * self._units / self._units[:, None])
         curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
@@ -139,40 +141,37 @@ class _Neighbourhood:
 
     def _root(self, function: Callable[[Array], Array]) -> tuple[Array, bool]:
         """Return a zero of a function near the rest posture by Gauss-Newton steps, and whether it is one."""
-        y, best = self._start, self._start
+        y = best = self._start
         smallest = np.inf
         for _ in range(_ITERATIONS):
             value = function(y)
             if not value.size or not np.isfinite(value).all():
-                return best, False
-            slope = self._slope(function, y, _STEPS[1])
-            left = self._left(value, slope)
+                break
+            left = self._left(function, y, value)
             if left >= 0.5 * smallest:  # no nearer any more
                 break
             smallest, best = left, y
+            if left <= _EXACT:
+                break
+            slope, _ = jacobian(function, y, self._units, _STEPS[0])
             y = y - self._units * np.linalg.lstsq(slope * self._units, value, rcond=1e-12)[0]
         return best, smallest <= _FOUND
 
-    def _left(self, value: Array, slope: Array) -> float:
-        """Return the largest entry of a value over what a natural unit away changes it."""
-        unit = np.abs(slope) @ self._units
+    def _left(self, function: Callable[[Array], Array], y: Array, value: Array) -> float:
+        """Return the largest entry of a function's value at y over what it changes a natural unit away."""
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(_DIRECTIONS, y.size))
+        unit = np.max([np.abs(function(y + sign * self._units) - value) for sign in signs], axis=0)
         return float((np.abs(value) / np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))).max())
 
-    def _slope(self, function: Callable[[Array], Array], y: Array, step: float) -> Array:
-        return jacobian(function, y, self._units, step)
-
     def _jacobian(self, function: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
-        """Return the derivative of a function at y and the error of its entries, by the steps that agree best."""
-        before = self._slope(function, y, _STEPS[0])
-        best, error = before, np.full(before.shape, np.inf)
+        """Return the derivative of a function at y and the error of its entries, column by column the best step's."""
+        best, error = jacobian(function, y, self._units, _STEPS[0])
         for step in _STEPS[1:]:
-            now = self._slope(function, y, step)
-            difference = np.abs(now - before)
+            if error.max() <= _ACCURATE * np.abs(best).max():
+                break
+            now, difference = jacobian(function, y, self._units, step)
             nearer = difference.max(axis=0) < error.max(axis=0)
             best, error = np.where(nearer, now, best), np.where(nearer, difference, error)
-            if error.max() <= _AGREEMENT * np.abs(best).max():
-                break
-            before = now
         return best, error
 
     def _curvature(self, y: Array) -> float:
@@ -180,8 +179,8 @@ class _Neighbourhood:
 
         With J = ∂x/∂y the derivative of ∇H_d along y is H_xx J. Coordinates that y does not reach do not count.
         """
-        J = self._jacobian(self._coordinates, y)[0] * self._units
-        bent = self._jacobian(self._gradient, y)[0] * self._units
+        J = jacobian(self._coordinates, y, self._units, _STEPS[0])[0] * self._units
+        bent = jacobian(self._gradient, y, self._units, _STEPS[0])[0] * self._units
         lengths = np.linalg.norm(J, axis=0)
         if not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < _DEPENDENT:
             return 0.0  # H_d does not know everything that moves
