@@ -53,8 +53,8 @@ def drive(
         loop: the control loop.
         driver: the arm.
         duration: [s].
-        paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`), which the
-            loop's ``clock`` must then show.
+        paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`),
+            which the loop's ``clock`` must then show.
         each_step: called with time, reading and torque, for logging.
     """
     start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0

@@ -289,7 +289,8 @@ class ControlLoop:
         part = _smooth(self._steps_in_mode * self.period, self.stop_time)
         if part >= 1.0:
             self._enter(LoopMode.STOPPED)
-        return (1.0 - part) * self._start_of_stop + part * holding
+        torque: Array = (1.0 - part) * self._start_of_stop + part * holding
+        return torque
 
     def _without_model(self) -> Array | None:
         """Return the torque of a stop where model and filter fail [N·m]; None before the first reading."""
@@ -307,7 +308,7 @@ class ControlLoop:
             leaving = self._gate.passed(self._without_model())
         assert leaving is not None
         self._sampled.torque = leaving
-        return leaving.copy()
+        return np.array(leaving)
 
     # --- modes --------------------------------------------------------------------------------------
 

@@ -38,5 +38,5 @@ class DurationHistogram:
             return 0.0
         rank = max(1, math.ceil(percent / 100.0 * self.count - 1e-9))
         place = next(place for place, below in enumerate(itertools.accumulate(self._bins)) if below >= rank)
-        middle = _SHORTEST * _RATIO ** (place + 0.5)
+        middle: float = _SHORTEST * _RATIO ** (place + 0.5)
         return min(max(middle, self.shortest), self.longest)

@@ -90,7 +90,9 @@ class TimingRecorder:
         computing, intervals = self._computing, self._intervals
         return Timing(
             computing.count,
-            *(computing.percentile(percent) for percent in (50.0, 99.0, 99.9)),
+            computing.percentile(50.0),
+            computing.percentile(99.0),
+            computing.percentile(99.9),
             computing.longest,
             self._overruns + self._skipped,
             self._skipped,

@@ -7,6 +7,7 @@ by a token that both know, but the token is readable to whoever can read this ma
 from __future__ import annotations
 
 import hmac
+import math
 import multiprocessing
 import os
 import secrets
@@ -16,7 +17,7 @@ import struct
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from phcontrol.simulation.number_window import NumberWindow
 from phcontrol.simulation.packet_faults import PacketFaults
 
 _HOST = "127.0.0.1"
-_HEAD = struct.Struct("<4sHHq16s")  # magic, version, joints, number, token
+_HEAD = struct.Struct("<4sHHqd16s")  # magic, version, joints, number, time, token
 _MAGIC, _VERSION = b"phct", 2
 _TOKEN_SIZE = 16
 _LARGEST = 4096
@@ -38,25 +39,36 @@ _MOST_AT_ONCE = 200  # packets looked at in a period, so that a flood cannot hol
 _PATIENCE = 60.0  # for the other process to load its libraries [s]
 
 
-def pack(number: int, token: bytes, *vectors: Array) -> bytes:
-    """Return a packet: a head with a number and the session's token, then vectors of n doubles each."""
+class Packet(NamedTuple):
+    """What one side says to the other."""
+
+    number: int
+    """Larger than those before."""
+    time: float
+    """When it was made, by this machine's clock (``time.perf_counter``), which both sides share [s]."""
+    vectors: list[Array]
+    """Of n numbers each."""
+
+
+def pack(token: bytes, number: int, moment: float, *vectors: Array) -> bytes:
+    """Return a packet: a head with number, time [s] and the session's token, then vectors of n doubles each."""
     joints = vectors[0].size
-    return _HEAD.pack(_MAGIC, _VERSION, joints, number, token) + b"".join(
+    return _HEAD.pack(_MAGIC, _VERSION, joints, number, moment, token) + b"".join(
         np.ascontiguousarray(vector, dtype="<f8").tobytes() for vector in vectors
     )
 
 
-def unpack(packet: bytes, token: bytes, joints: int, vectors: int) -> tuple[int, list[Array]] | None:
-    """Return number and vectors of a packet; None for what is not of this session, of this size, and finite."""
+def unpack(token: bytes, packet: bytes, joints: int, vectors: int) -> Packet | None:
+    """Return what a packet says; None for what is not of this session, of this size, and finite."""
     if len(packet) != _HEAD.size + 8 * joints * vectors:
         return None
-    magic, version, of_joints, number, of_token = _HEAD.unpack_from(packet)
+    magic, version, of_joints, number, moment, of_token = _HEAD.unpack_from(packet)
     if magic != _MAGIC or version != _VERSION or of_joints != joints or number < 0:
         return None
     values = np.frombuffer(packet, dtype="<f8", offset=_HEAD.size).astype(np.float64)
-    if not hmac.compare_digest(of_token, token) or not np.isfinite(values).all():
+    if not hmac.compare_digest(of_token, token) or not np.isfinite(values).all() or not math.isfinite(moment):
         return None
-    return number, list(values.reshape(vectors, joints))
+    return Packet(number, moment, list(values.reshape(vectors, joints)))
 
 
 class UdpArm:
@@ -97,7 +109,7 @@ class UdpArm:
         self._number = 0
         self._peer: tuple[str, int] = (_HOST, 0)
         self._newest: Reading | None = None
-        self._window, self._arrival = NumberWindow(), 0.0
+        self._window, self._arrival, self._made = NumberWindow(), 0.0, 0.0
         self.counts = {"readings": 0, "old": 0, "malformed": 0}
         """Readings used, readings not in the window of numbers, and packets that were no readings of this session."""
 
@@ -129,7 +141,7 @@ class UdpArm:
             self._socket.close()
 
     def read(self) -> Reading | None:
-        """Return the newest reading; its age counts from its arrival."""
+        """Return the newest reading; its age counts from when the other process made it."""
         assert self._socket is not None
         for _ in range(_MOST_AT_ONCE):
             try:
@@ -138,27 +150,27 @@ class UdpArm:
                 break
             except ConnectionError:  # the other process has gone; the reading grows older
                 break
-            content = unpack(packet, self._token, self._joints, 3)
+            content = unpack(self._token, packet, self._joints, 3)
             now = time.perf_counter()
             if content is None:
                 self.counts["malformed"] += 1
-            elif not self._window.accepts(content[0], (now - self._arrival) / self._period):
+            elif not self._window.accepts(content.number, (now - self._arrival) / self._period):
                 self.counts["old"] += 1
             else:
-                position, velocity, force = content[1]
-                self._newest = Reading(position, velocity, Measured(external_force=force))
+                position, velocity, force = content.vectors
+                self._newest, self._made = Reading(position, velocity, Measured(external_force=force)), content.time
                 self._arrival = now
                 self._peer = address
                 self.counts["readings"] += 1
         if self._newest is None:
             return None
-        return self._newest._replace(age=time.perf_counter() - self._arrival)
+        return self._newest._replace(age=max(0.0, time.perf_counter() - self._made))
 
     def write(self, torque: Array) -> None:
         """Send a torque."""
         if self._newest is not None and self._socket is not None:
             try:
-                self._socket.sendto(pack(self._number, self._token, torque), self._peer)
+                self._socket.sendto(pack(self._token, self._number, time.perf_counter(), torque), self._peer)
             except OSError:  # the network is not there; the box has its own watchdog
                 return
             finally:
@@ -195,13 +207,16 @@ def _serve(
                 except OSError:  # nothing there
                     break
             for packet in commands.receive(box.time):
-                content = unpack(packet, token, system.n, 1)
+                content = unpack(token, packet, system.n, 1)
                 if content is not None:
-                    box.command(content[0], content[1][0])
+                    box.command(content.number, content.vectors[0])
             box.advance()
             now = box.reading()
             assert now.measured.external_force is not None
-            readings.send(box.time, pack(k, token, now.position, now.velocity, now.measured.external_force))
+            readings.send(
+                box.time,
+                pack(token, k, time.perf_counter(), now.position, now.velocity, now.measured.external_force),
+            )
             for packet in readings.receive(box.time):
                 try:
                     line.sendto(packet, address)
