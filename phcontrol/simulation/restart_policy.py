@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 _RECOVERY_TIME = 0.1  # of good readings before the first restart [s]
-_MOST_RESTARTS = 5  # that did not last
+_MOST_STOPS = 5  # that running did not make up for
 _FORGETTING_TIME = 10.0  # of running by which one stop is forgotten [s]
 _LONGEST_WAIT = 10.0  # for good readings; an arm must not start to move long after it stopped [s]
 
@@ -12,8 +12,8 @@ class RestartPolicy:
     """Decides when to start again after stops that may pass by themselves (stale readings, gaps, missed deadlines).
 
     The first restart waits for 0.1 s of good readings, each further one twice as long as the one before. Running for
-    10 s makes up for one stop. It gives up with the sixth stop that was not made up for, or when good readings do not
-    come within 10 s (and the time to wait for).
+    10 s makes up for one stop. It gives up when more than five stops are not made up for, or when good readings do not
+    come within 10 s and the time to wait for.
 
     Args:
         period: of the loop [s].
@@ -25,7 +25,7 @@ class RestartPolicy:
 
     def reset(self) -> None:
         """Forget all stops."""
-        self._stops = 0.0
+        self._stops, self._since_none = 0.0, 0
         self._good_time = self._waited = 0.0
 
     @property
@@ -36,12 +36,15 @@ class RestartPolicy:
     def note_running(self) -> None:
         """Note a period in which the law acted."""
         self._stops = max(0.0, self._stops - self._period / _FORGETTING_TIME)
+        if self._stops == 0.0:
+            self._since_none = 0
 
     def note_stop(self) -> str:
         """Note a stop; return why there will be no restart, empty if there may be one."""
         self._stops += 1.0
+        self._since_none += 1
         self._good_time = self._waited = 0.0
-        return f"gave up after {_MOST_RESTARTS} restarts that did not last" if self._stops > _MOST_RESTARTS else ""
+        return f"gave up after {self._since_none} stops" if self._stops > _MOST_STOPS else ""
 
     def note_waiting(self, good: bool, elapsed: float) -> None:
         """Note a step after a stop, its reading good or not, and the time since the step before [s]."""
