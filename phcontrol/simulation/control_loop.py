@@ -206,7 +206,8 @@ class ControlLoop:
             self._watch(stale, gap, missing, elapsed)
         self._consider_restart(fresh and not gap and not missing, elapsed)
         assert self._reading.value is not None
-        q, v = np.split(self._reading.value, 2)
+        n = self.system.n
+        q, v = self._reading.value[:n], self._reading.value[n:]
         x = self._sampled.controller.system.at(q, v)
         gravity = real_array((x if x.system is self.system else self.system.at(q, v)).potential_gradient, q.shape)
         if gravity is not None:
@@ -220,8 +221,9 @@ class ControlLoop:
         reading, shape = self._reading, (self.system.n,)
         reading.elapse(elapsed)
         self._measured.elapse(elapsed)
-        old, q, v = real_array(age, ()), real_array(position, shape), real_array(velocity, shape)
-        seconds = math.inf if old is None or old < 0.0 else float(old)
+        old = age if type(age) is float else real_array(age, ())
+        seconds = math.inf if old is None or not old >= 0.0 else float(old)
+        q, v = real_array(position, shape), real_array(velocity, shape)
         if seconds < reading.age:
             self.counts["measured"] += self._measured.offer(NOTHING if measured is None else measured, seconds)
         both = None if q is None or v is None or seconds == math.inf else np.concatenate((q, v))

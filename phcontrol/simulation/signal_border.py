@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,22 +21,17 @@ def real_array(value: Any, shape: tuple[int, ...], *, finite: bool = True) -> Ar
     where a vector is expected. Without ``finite`` NaN passes (an object that is not seen), infinity never does.
     """
     try:
-        raw = np.asarray(value)
+        raw = value if type(value) is np.ndarray else np.asarray(value)
         if raw.dtype.kind not in "fiu" or raw.shape != shape:
             return None
-        array = np.array(raw, dtype=np.float64, subok=False)
-        bad = ~np.isfinite(array) if finite else np.isinf(array)
+        array: Array = np.array(raw, dtype=np.float64)
+        # NaN or infinity in it makes the product so, as numbers beyond 1e154 do
+        if not math.isfinite(array.dot(array)) and (~np.isfinite(array) if finite else np.isinf(array)).any():
+            return None
     except Exception:  # whatever a foreign object raises when it is asked for its numbers
-        return None
-    if bad.any():
         return None
     array.flags.writeable = False
     return array
-
-
-def never(value: Array, last: Array, elapsed: float) -> bool:
-    """Tell of no jump: any change can be true."""
-    return False
 
 
 class SignalBorder:
@@ -55,7 +51,7 @@ class SignalBorder:
         self,
         lowest: Array,
         highest: Array,
-        jumps: Callable[[Array, Array, float], bool] = never,
+        jumps: Callable[[Array, Array, float], bool],
         *,
         may_be_nan: bool = False,
     ) -> None:
@@ -91,7 +87,7 @@ class SignalBorder:
     def offer(self, value: Any, age: float) -> bool:
         """Take a value of an age [s] over if it makes sense and is newer; return whether it made sense."""
         array = real_array(value, self._lowest.shape, finite=self._finite)
-        if array is None or (array < self._lowest).any() or (array > self._highest).any():
+        if array is None or np.logical_or.reduce((array < self._lowest) | (array > self._highest)):
             return self._reject()
         newer = age < self.age
         if newer and self.value is not None and self.is_trusted and self._jumps(array, self.value, self.age):
