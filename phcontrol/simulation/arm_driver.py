@@ -60,6 +60,7 @@ def drive(
     start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
     last: Reading | None = None
     while k < steps:
+        began = math.floor((time.perf_counter() - start) / loop.period)
         reading = driver.read()
         if reading is None and last is not None:
             reading = last._replace(age=last.age + loop.period)
@@ -73,7 +74,7 @@ def drive(
             driver.write(loop.no_torque)
         k += 1
         if paced:  # periods that were missed are left out, not made up for in a burst
-            k = max(k, math.floor((time.perf_counter() - start) / loop.period))
+            k = max(k, began + 1, math.floor((time.perf_counter() - start) / loop.period))
             wait_until(start + k * loop.period)
 
 

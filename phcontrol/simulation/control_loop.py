@@ -27,7 +27,7 @@ from phcontrol.simulation.timing import Timing, TimingRecorder
 from phcontrol.simulation.torque_gate import TorqueGate
 
 _MOST_DAMPING = 1e9  # so that its torque is finite at any finite velocity [N·m·s/rad]
-_LATE_IN_A_ROW = 20  # steps before the loop stops
+_MOST_MISSED = 20  # periods more than kept, before the loop stops
 _JUMP_FACTOR = 2.0  # times the fastest motion within the limits
 _SPEED_FACTOR = 5.0  # times that, which no true velocity reaches
 _BEYOND = 2.0 * math.pi  # the limits, where no joint is [rad]
@@ -51,8 +51,8 @@ class ControlLoop:
       velocity limits do not allow) are not used; the last good one is, and grows older. Three in a row stop the loop.
     - **implausible measurements** (:class:`MeasuredBorders`): likewise; the loop stops if the law needs them, otherwise
       they count as not measured. A measurement that a law needs and never had is an error of the law.
-    - **deadline**: 20 steps in a row that compute for longer than ``deadline``, or come a period or more late, stop
-      the loop.
+    - **deadline**: periods in which a step computes for longer than ``deadline``, or comes too late or not at all, are
+      counted as missed. 20 more missed than kept stop the loop (twice ``stale_after``, if that is more).
     - **restarts**: after these stops the loop starts again by itself, the law from its initial state, when readings
       are good again; later each time, and not for ever: see :class:`RestartPolicy`.
     - **errors**: whatever a law, the torque filter or a model raises or returns in place of finite numbers stops the
@@ -127,7 +127,8 @@ class ControlLoop:
         """Steps with a stale reading, readings not used, measurements not used, and stops."""
         self._latched = False
         self._time = 0.0
-        self._steps_in_mode = self._late_in_a_row = 0
+        self._steps_in_mode = self._missed = 0
+        self._most_missed = max(_MOST_MISSED, round(2.0 * self.stale_after / self.period))
         self._start_of_stop: Array = np.zeros(system.n)
         self._gravity: Array = np.zeros(system.n)
 
@@ -159,7 +160,6 @@ class ControlLoop:
     def restart(self) -> None:
         """Start again after ``stop``, an error or giving up."""
         self._latched, self.fault, self.reason = False, None, ""
-        self._late_in_a_row = 0
         self._restarts.reset()
         self._reading.forgive()
         if self.mode != LoopMode.WAITING:
@@ -186,10 +186,10 @@ class ControlLoop:
         if torque is not None:
             self._time += self.period
             self._steps_in_mode += 1
-        late = self._recorder.end(self._clock())
-        self._late_in_a_row = self._late_in_a_row + 1 if late else 0
-        if self._late_in_a_row >= _LATE_IN_A_ROW and self.mode.is_active:
-            self._stop_for_now(f"{self._late_in_a_row} steps in a row were late or missed their deadline")
+        missed = self._recorder.end(self._clock())
+        self._missed = max(0, self._missed + (missed or -1))
+        if self._missed >= self._most_missed and self.mode.is_active:
+            self._stop_for_now(f"{self._missed} periods more were missed than kept")
         return leaving
 
     def _controlled(self, position: Any, velocity: Any, measured: Any, age: Any, elapsed: float) -> Array | None:
@@ -356,6 +356,8 @@ class ControlLoop:
 
     def _enter(self, mode: LoopMode) -> None:
         self.mode, self._steps_in_mode = mode, 0
+        if mode == LoopMode.STARTING:
+            self._missed = 0
 
 
 def _gate(n: int, limit: Array | None, torque_filter: TorqueFilter | None) -> TorqueGate:

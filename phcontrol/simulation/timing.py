@@ -60,29 +60,28 @@ class TimingRecorder:
         self._skipped = self._overruns = 0
         self._last: float | None = None
         self._due = 0.0
-        self._is_late = False
+        self._skipped_now = 0
 
     def begin(self, now: float) -> float:
         """Note the begin of a step at a time [s]; return the time since the last begin, a period for the first [s]."""
         last, self._last = self._last, now
         if last is None:
-            self._due, self._is_late = now + self._period, False
+            self._due = now + self._period
             return self._period
         self._intervals.add(now - last)
-        skipped = max(0, math.floor((now - self._due) / self._period + 1e-6))
+        skipped = self._skipped_now = max(0, math.floor((now - self._due) / self._period + 1e-6))
         self._skipped += skipped
-        self._is_late = skipped > 0
         self._due = min(now, self._due + skipped * self._period) + self._period
         return now - last
 
-    def end(self, now: float) -> bool:
-        """Note the end of a step at a time [s]; return whether it came late or took longer than the deadline."""
+    def end(self, now: float) -> int:
+        """Note the end of a step at a time [s]; return the periods missed with it: skipped before it, and its own."""
         assert self._last is not None
         computing = now - self._last
         self._computing.add(computing)
         overran = computing > self._deadline
         self._overruns += overran
-        return overran or self._is_late
+        return self._skipped_now + overran
 
     @property
     def timing(self) -> Timing:

@@ -241,6 +241,41 @@ def test_a_driver_may_do_anything_with_a_torque_and_have_no_reading_at_times(sho
     assert loop.counts["stops"] == 0
 
 
+def test_missed_periods_are_not_made_up_for(shoulder, monkeypatch):
+    """Each period has one step at most: two in one would advance the law's state twice."""
+    from phcontrol import ControlLoop, make_controller
+    from phcontrol.simulation import arm_driver
+
+    class Time:
+        now = 0.0
+
+        def perf_counter(self):
+            return self.now
+
+        def sleep(self, seconds):
+            self.now += seconds + (2.4e-3 if round(self.now * 1e3) % 5 == 0 else 0.0)  # the scheduler is late at times
+
+    clock, begins, box = Time(), [], ControlBox(shoulder)
+    monkeypatch.setattr(arm_driver, "time", clock)
+
+    class Driver:
+        def read(self):
+            begins.append(clock.now)
+            clock.now += 1e-4
+            return box.reading()
+
+        def write(self, torque):
+            clock.now += 1e-4
+
+    loop = ControlLoop(shoulder, make_controller("energy_shaping", shoulder), 1e-3, clock=clock.perf_counter)
+    monkeypatch.setattr(arm_driver, "wait_until", lambda moment: clock.sleep(max(0.0, moment - clock.now)))
+    drive(loop, Driver(), 0.1)
+    periods = np.floor(np.array(begins) / 1e-3 + 1e-9)
+    assert (np.diff(periods) >= 1).all()
+    assert loop.timing.steps + loop.timing.skipped == pytest.approx(100, abs=3)
+    assert loop.timing.skipped > 20
+
+
 def test_the_udp_arm_refuses_bad_arguments_before_it_starts():
     with pytest.raises(InvalidArgumentError, match="duration"):
         UdpArm(make_shoulder, duration=0.0)

@@ -224,24 +224,44 @@ def test_a_law_that_never_gets_what_it_needs_is_stopped_for_good(pera):
     assert loop.fault is None
 
 
-def test_missed_deadlines_are_counted_and_many_in_a_row_stop_the_loop(pera):
-    clock = Clock(step=4e-4)
-    loop = make_loop(pera, clock=clock)
+def test_missed_deadlines_are_counted_and_many_stop_the_loop(pera):
+    clock = Clock(step=0.4 * PERIOD)
+    loop = make_loop(pera, clock=clock, deadline=0.45 * PERIOD, stop_time=0.01)
     q = np.array(pera.robot.home)
     for _ in range(50):
         loop.step(q, np.zeros(7))
     assert loop.timing.misses == 0
-    clock.step = 2e-3
+    clock.step = 0.5 * PERIOD
     for _ in range(19):
         loop.step(q, np.zeros(7))
     assert loop.mode == LoopMode.RUNNING
     loop.step(q, np.zeros(7))
     assert loop.mode == LoopMode.STOPPING
-    assert "20 steps in a row were late" in loop.reason
-    # the last 20 steps begin 2.4, 6.4, 10.4 ... 78.4 ms after the 50th: of 78 periods none had a torque in time
-    assert loop.timing.misses == 78
-    assert loop.timing.skipped == 58
+    assert "20 periods more were missed than kept" in loop.reason
+    assert loop.timing.misses == 20
+    assert loop.timing.skipped == 0
     assert loop.timing.steps == 70
+    clock.step = 0.4 * PERIOD
+    for _ in range(120):
+        loop.step(q, np.zeros(7))
+    assert loop.mode == LoopMode.RUNNING
+
+
+def test_skipped_periods_count_as_missed(pera):
+    clock = Clock(step=0.4 * PERIOD)
+    loop = make_loop(pera, clock=clock)
+    q = np.array(pera.robot.home)
+    for _ in range(50):
+        loop.step(q, np.zeros(7))
+    clock.step = 2.0 * PERIOD
+    for _ in range(5):
+        assert loop.mode == LoopMode.RUNNING
+        loop.step(q, np.zeros(7))
+    # these five steps begin 2.4, 6.4 ... 18.4 ms after the 50th and compute for 2 ms: none of 18 periods was kept
+    assert loop.timing.misses == 18
+    assert loop.timing.skipped == 13
+    loop.step(q, np.zeros(7))
+    assert loop.mode == LoopMode.STOPPING
 
 
 # --- bad networks -------------------------------------------------------------------------------------

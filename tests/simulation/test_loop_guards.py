@@ -459,6 +459,17 @@ def test_a_short_gap_counts_and_does_not_stop(pera):
     assert loop.counts["stops"] == 0
 
 
+def test_a_rate_that_is_not_kept_stops_though_no_gap_is_long(shoulder):
+    """Of ten periods six are skipped, not long enough for a stale reading; the law would run at half its rate."""
+    clock = Clock()
+    loop, q, v = make_loop(shoulder, goal=None, clock=clock), shoulder.robot.home, np.zeros(2)
+    for k in range(40):
+        clock.now += 7 * PERIOD if k % 4 == 3 else PERIOD
+        loop.step(q, v)
+    assert loop.counts["stops"] == 1
+    assert "periods more were missed than kept" in loop.reason
+
+
 def test_steps_that_are_a_little_early_or_late_skip_nothing():
     recorder, times = TimingRecorder(1.0, 1.0), np.arange(1000) + 0.45 * np.sin(np.arange(1000))
     for now in times:
