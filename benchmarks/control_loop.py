@@ -39,13 +39,14 @@ def keep_busy(parent: int) -> None:
         sum(range(100_000))
 
 
-def resident_memory() -> int:
-    """Return how much memory of this process is resident [bytes]; 0 where that cannot be read."""
+def own_memory() -> int:
+    """Return how much memory of its own this process has [bytes], libraries' pages not counted; 0 if unknown."""
     try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:
         return 0
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    fields = dict(line.split(":", 1) for line in lines)
+    return sum(1024 * int(fields[name].split()[0]) for name in ("RssAnon", "VmSwap") if name in fields)
 
 
 def main() -> None:
@@ -75,7 +76,7 @@ def main() -> None:
     def watch(t: float, reading: object, torque: np.ndarray) -> None:
         nonlocal changes, memory, mode, active
         if memory == 0 and t >= min(SETTLED, 0.2 * options.seconds):
-            memory = resident_memory()
+            memory = own_memory()
         active += loop.mode.is_active
         if loop.mode != mode:
             changes, mode = changes + 1, loop.mode
@@ -83,7 +84,7 @@ def main() -> None:
 
     with UdpArm(make_system, duration=options.seconds + 30.0, faults={"loss": options.loss}) as arm:
         drive(loop, arm, options.seconds, each_step=watch)
-        grown = resident_memory() - memory
+        grown = own_memory() - memory
         reading = arm.read()
     print(f"{loop.mode.name.lower()}; packets {arm.counts}; loop {loop.counts} {loop.reason}")
     print(f"{changes} changes of mode; the law acted in {active} of {round(options.seconds / PERIOD)} periods")
