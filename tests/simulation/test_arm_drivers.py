@@ -206,7 +206,8 @@ def test_the_arms_process_does_not_outlive_the_one_that_started_it(number, tmp_p
     )
     box = psutil.Process(int(parent.stdout.readline()))
     parent.send_signal(number)
-    parent.communicate()
+    parent.wait()
+    parent.stdout.close()
     for _ in range(3000):  # it would have gone on for 600 s
         if not box.is_running() or box.status() == psutil.STATUS_ZOMBIE:
             return
