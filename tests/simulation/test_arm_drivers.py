@@ -180,6 +180,7 @@ def test_a_reading_that_waited_in_the_socket_is_as_old_as_it_is():
     """A process that was stopped finds old packets; they were taken for fresh ones."""
     with UdpArm(make_shoulder, duration=60.0, period=2e-3) as arm:
         arm.read()
+        time.sleep(0.1)  # packets come, and nobody looks
         arm._process.terminate()
         arm._process.join()
         time.sleep(0.2)
