@@ -59,9 +59,10 @@ from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.arm_driver import ArmDriver, Reading, drive
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.control_box import ControlBox
-from phcontrol.simulation.control_loop import ControlLoop, LoopMode
+from phcontrol.simulation.control_loop import ControlLoop
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.simulation.loop_mode import LoopMode
 from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm

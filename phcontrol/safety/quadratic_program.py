@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import math
+import weakref
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,6 +79,16 @@ class Problem(NamedTuple):
         return stationary <= _ROUNDING * (_length(self.gradient) + _length(multipliers))
 
 
+_programs: weakref.WeakSet[QuadraticProgram] = weakref.WeakSet()
+
+
+@atexit.register
+def _end_solvers() -> None:
+    """Let go of all solvers: nanobind complains, in pages, of those that a thread or a cycle keeps until the end."""
+    for program in list(_programs):
+        program.end()
+
+
 class QuadraticProgram:
     """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
 
@@ -92,6 +104,7 @@ class QuadraticProgram:
     """
 
     def __init__(self, n: int, m: int) -> None:
+        _programs.add(self)
         self._n, self._m = n, m
         self._identity = np.eye(n)
         self.reset()
@@ -122,6 +135,10 @@ class QuadraticProgram:
         self._solver: Any = solver
         self._warm = self._starts_warm = self._scaled_last = False
         settings.initial_guess = _COLD
+
+    def end(self) -> None:
+        """Let go of the solver; nothing is solved any more."""
+        self._solver = None
 
     def solve(self, problem: Problem, feasible: Array | None = None) -> Array | None:
         """Return the optimum, exactly inside the box, or None when no answer passes the check.

@@ -47,28 +47,34 @@ def drive(
 ) -> None:
     """Run a control loop on a driver for a duration [s]: read, step, write, wait for the next period.
 
-    A period that the machine missed is left out.
+    A period that the machine missed is left out. A driver that has no reading any more is taken to have its last one.
 
     Args:
         loop: the control loop.
         driver: the arm.
         duration: [s].
-        paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`).
+        paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`),
+            which the loop's ``clock`` must then show.
         each_step: called with time, reading and torque, for logging.
     """
     start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
+    last: Reading | None = None
     while k < steps:
+        began = math.floor((time.perf_counter() - start) / loop.period)
         reading = driver.read()
+        if reading is None and last is not None:
+            reading = last._replace(age=last.age + loop.period)
+        last = reading
         if reading is not None:
             torque = loop.step(reading.position, reading.velocity, reading.measured, age=reading.age)
-            driver.write(torque)
+            driver.write(torque.copy())  # whatever it does to it, what is logged is what was sent
             if each_step is not None:
                 each_step(k * loop.period, reading, torque)
         else:
             driver.write(loop.no_torque)
         k += 1
         if paced:  # periods that were missed are left out, not made up for in a burst
-            k = max(k, math.floor((time.perf_counter() - start) / loop.period))
+            k = max(k, began + 1, math.floor((time.perf_counter() - start) / loop.period))
             wait_until(start + k * loop.period)
 
 

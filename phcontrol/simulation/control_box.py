@@ -10,6 +10,8 @@ from phcontrol.environments.disturbances import Disturbance
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.arm_driver import Reading
+from phcontrol.simulation.number_window import NumberWindow
+from phcontrol.simulation.signal_border import real_array
 
 
 class ControlBox:
@@ -17,7 +19,8 @@ class ControlBox:
 
     The last torque is held, clipped to the effort limits. When no newer one came for ``patience``, the box brakes by
     itself: gravity is carried, motion is damped. Commands carry a number; one that is not newer than the last
-    (late, duplicated, out of order), has another length, or is not finite, is not used.
+    (late, duplicated, out of order), too far ahead of it (:class:`NumberWindow`), has another length, or is not finite,
+    is not used.
 
     Args:
         system: the plant.
@@ -46,7 +49,8 @@ class ControlBox:
         self._damping: Array = inertia if damping is None else per_joint("damping", damping, system.n)
         self._disturbance = disturbance
         self._torque: Array = np.zeros(system.n)
-        self._last_number, self._silence, self._steps = -1, np.inf, 0
+        self._silence, self._steps = np.inf, 0
+        self._window, self._accepted_at = NumberWindow(), 0
         self.counts = {"accepted": 0, "refused": 0, "braking": 0}
         """Commands accepted and refused, and steps of braking."""
 
@@ -57,12 +61,13 @@ class ControlBox:
 
     def command(self, number: int, torque: Array) -> bool:
         """Take a torque over unless it is old or makes no sense; return whether it was."""
-        if number <= self._last_number or torque.shape != (self.system.n,) or not np.isfinite(torque).all():
+        finite = real_array(torque, (self.system.n,))
+        if finite is None or not self._window.accepts(number, self._steps - self._accepted_at):
             self.counts["refused"] += 1
             return False
         limit = self.system.robot.effort_limit
-        self._torque = np.minimum(np.maximum(torque, -limit), limit)
-        self._last_number, self._silence = number, 0.0
+        self._torque = np.minimum(np.maximum(finite, -limit), limit)
+        self._accepted_at, self._silence = self._steps, 0.0
         self.counts["accepted"] += 1
         return True
 

@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from phcontrol._validation import Array, positive
-from phcontrol.controllers.controller import Controller, PassivePort
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.controllers.controller import Command, Controller, PassivePort
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.measured import Measured
+from phcontrol.simulation.signal_border import real_array
 
 
 class SampledControl:
@@ -52,9 +53,26 @@ class SampledControl:
         rate = self._held_rate
         return state if rate is None or not rate.size else state + self.period * rate
 
+    def initial_state(self, x: MechanicalState) -> Array:
+        """Return the law's state to start with, and advance from there.
+
+        Raises PHControlError when it is not ``state_size`` finite numbers.
+        """
+        self._held_rate = None
+        return self._checked("initial state", self.controller.initial_state(x), self.controller.state_size)
+
+    def command(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
+        """Return what the law orders.
+
+        Raises PHControlError when that is not finite real numbers, as many as joints and as the state has: a torque
+        or a rate of another shape would be broadcast, and act.
+        """
+        torque, rate = self.controller.evaluate(t, x, state, measured)
+        return Command(self._checked("torque", torque, x.system.n), self._checked("state rate", rate, state.size))
+
     def step(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Array:
         """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
-        self.wished, self._held_rate = self.controller.evaluate(t, x, state, measured)
+        self.wished, self._held_rate = self.command(t, x, state, measured)
         if self.filter is None:
             return self.limited(x, self.wished, measured)
         port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
@@ -81,9 +99,17 @@ class SampledControl:
         """Let the law's state advance with a rate of one's own until the next step."""
         self._held_rate = state_rate
 
-    def forget(self) -> None:
-        """Start anew: the law's state does not advance before the next step."""
-        self._held_rate = None
+    def _checked(self, what: str, value: object, size: int) -> Array:
+        """Return what the law gave as a read-only vector. Raises PHControlError when it is none."""
+        vector = real_array(value, (size,))
+        if vector is None:
+            given = (
+                f"{type(value).__name__} of shape {np.shape(value)}" if isinstance(value, np.ndarray) else repr(value)
+            )
+            raise PHControlError(
+                f"{self.controller.name} gave a {what} that is not {size} finite numbers: {given[:80]}"
+            )
+        return vector
 
     def _calm(self, t: float, x: MechanicalState, state: Array, measured: Measured, energy: float) -> None:
         """Move the law's state towards its calmest, until H_d is smaller by an energy [J] or smallest.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from phcontrol._validation import Array
 from phcontrol.simulation.arm_driver import Reading
 from phcontrol.simulation.control_box import ControlBox
@@ -10,6 +12,8 @@ from phcontrol.simulation.packet_faults import PacketFaults
 
 class SimulatedArm:
     """A driver whose arm is a :class:`ControlBox` in this process: each ``write`` lets one period pass.
+
+    Time is the box's: a loop that drives it gets ``clock=lambda: box.time``, or it takes a slow computer for gaps.
 
     Args:
         box: the arm.
@@ -43,7 +47,7 @@ class SimulatedArm:
     def write(self, torque: Array) -> None:
         """Send a torque, and let one period pass."""
         box = self.box
-        self._commands.send(box.time, (self._number, torque))
+        self._commands.send(box.time, (self._number, np.array(torque)))  # the caller's may change on the way
         for number, arrived in self._commands.receive(box.time):
             box.command(number, arrived)
         box.advance()

@@ -17,7 +17,7 @@ import traceback
 from collections import Counter
 from pathlib import Path
 
-NAMES = ("robot_description", "log_file", "arguments", "command_line")
+NAMES = ("robot_description", "log_file", "arguments", "control_loop", "command_line")
 
 
 def main() -> None:
@@ -63,8 +63,8 @@ def main() -> None:
     if options.random:
         generator = random.Random(options.seed)
         while True:
-            one_input(generator.randbytes(64))
-    atheris.Setup([sys.argv[0], f"-seed={options.seed + 1}", "-max_len=96", "-len_control=0"], one_input)
+            one_input(generator.randbytes(160))
+    atheris.Setup([sys.argv[0], f"-seed={options.seed + 1}", "-max_len=192", "-len_control=0"], one_input)
     atheris.Fuzz()
 
 

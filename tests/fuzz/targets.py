@@ -275,6 +275,106 @@ def _call(choices: Choices, system: ph.MechanicalSystem) -> None:
         taker(*first, **_some(choices, taker, 50, "system", "robot"))
 
 
+class Hostile:
+    """An object that raises whatever it is asked."""
+
+    def _refuse(self, *arguments: Any, **named: Any) -> Any:
+        raise RuntimeError("no")
+
+    __array__ = __float__ = __index__ = __len__ = __iter__ = __eq__ = __lt__ = __bool__ = __getitem__ = _refuse
+
+
+SIGNALS: list[Any] = [
+    *VALUES, Hostile(), [Hostile()] * 2, np.full(2, np.nan), np.array([np.inf, 0.0]), np.full(2, 1e4), np.full(2, 39.0),
+    np.full(2, 1e160), np.zeros(2) + 1j, np.zeros(2, dtype=bool), np.array(["1", "2"]), np.zeros((2, 1)),
+    np.zeros((1, 2)), np.zeros(3), np.zeros(0), np.array(0.1), np.ma.masked_all(2), np.array([1, 2], dtype=np.int8),
+    np.zeros(2, dtype=np.longdouble), np.zeros(2, dtype="M8[s]"), np.zeros(2, dtype="f4,f4"), np.array([None, 1.0]),
+    memoryview(b"ab"), lambda: None, NotImplemented, ..., type, 1 << 70, [1 << 70, 0],
+]  # fmt: skip
+FORCES: list[Any] = [None, np.zeros(2), np.array([3.0, -2.0]), np.full(2, 30.0)]
+ERRORS = [TypeError, np.linalg.LinAlgError, ZeroDivisionError, RecursionError, MemoryError, StopIteration, UnicodeError]
+PERIOD, RATE = 1e-3, 500.0
+
+
+class _WildLaw(ph.ForceFeedback):
+    """A law that now and then raises or returns what is no command, as the choices have it."""
+
+    choices: Choices
+
+    def evaluate(self, t: float, x: Any, state: Any, measured: Any = ph.NOTHING) -> Any:
+        good = super().evaluate(t, x, state, measured)
+        kind = self.choices.below(12)
+        if kind == 0:
+            raise self.choices.one_of(ERRORS)
+        if kind == 1:
+            return self.choices.one_of(SIGNALS)
+        if kind == 2:
+            return ph.Command(self.choices.one_of(SIGNALS), good.state_rate)
+        if kind == 3:
+            return ph.Command(good.torque, self.choices.one_of(SIGNALS))
+        if kind == 4:
+            return ph.Command(good.torque * 10.0 ** (self.choices.below(256)), good.state_rate)
+        return good
+
+
+@cache
+def _limits() -> ph.Limits:
+    return ph.Limits(_system(0), torque_rate=RATE, braking_jerk=1000.0)
+
+
+def _loop(choices: Choices, now: list[float]) -> tuple[ph.ControlLoop, bool]:
+    system = _system(0)
+    kind = choices.below(4)
+    if kind == 0:
+        law: ph.Controller = _WildLaw.tuned(system)
+        law.choices = choices
+    else:
+        names = [
+            "force_feedback",
+            "force_feedback_measured",
+            "total_force_rejection",
+            "energy_shaping",
+            "force_control",
+        ]
+        law = ph.make_controller(choices.one_of(names), system)
+    filtered = choices.below(2) == 1
+    torque_filter = ph.TorqueFilter(system, period=PERIOD, limits=_limits()) if filtered else None
+    start, stop = choices.one_of([0.0, 3e-3]), choices.one_of([0.0, 3e-3])
+    loop = ph.ControlLoop(
+        system, law, PERIOD, torque_filter=torque_filter, start_time=start, stop_time=stop, clock=lambda: now[0]
+    )
+    return loop, filtered
+
+
+def control_loop(data: bytes) -> str:
+    """Step a loop with inputs of any type and laws of any kind; what leaves is finite and inside all limits."""
+    choices, now = Choices(data), [0.0]
+    loop, filtered = _loop(choices, now)
+    limit, before = np.asarray(_system(0).robot.effort_limit), None
+    q, v = np.array(_system(0).robot.home), np.zeros(2)
+    for _ in range(12):
+        now[0] += choices.one_of([PERIOD, PERIOD, PERIOD, 0.0, 0.02, 0.4, -1.0, 20.0])
+        q, v = q + choices.one_of([0.0, 1e-3, -2e-3, 0.3]), v + choices.one_of([0.0, 0.1, -0.2, 3.0])
+        kind, age = choices.below(8), choices.one_of([0.0, 0.0, 1e-3, 0.05])
+        position = choices.one_of(SIGNALS) if kind == 1 else q
+        velocity = choices.one_of(SIGNALS) if kind == 2 else v
+        force = choices.one_of(SIGNALS) if kind in (3, 4) else choices.one_of(FORCES)
+        measured = force if kind == 4 else ph.Measured(force, force, choices.one_of([None, np.zeros(3), force]))
+        age = choices.one_of(SIGNALS) if kind == 5 else age
+        if kind == 6:
+            loop.stop() if choices.below(2) else loop.restart()
+        torque = loop.step(position, velocity, measured, age=age)
+        assert type(torque) is np.ndarray
+        assert torque.dtype == np.float64
+        assert torque.shape == (2,)
+        assert (np.abs(torque) <= limit).all(), torque  # false of NaN
+        if filtered and before is not None:
+            assert (np.abs(torque - before) <= RATE * PERIOD * (1.0 + 1e-12)).all(), (torque, before)
+        before = None if loop.mode == ph.LoopMode.WAITING else torque.copy()
+        torque *= choices.one_of([1.0, 1e3, -1.0, np.nan])  # what a driver may do
+    return "refused" if loop.fault is not None else "accepted"
+
+
 WORDS = [
     "run", "certify", "robots", "controllers", "position", "--robot", "--controller", "--samples", "--seed", "--set",
     "--goal", "--lock", "--json", "--duration", "--dt", "--integrator", "--out", "--interconnection", "--help",
@@ -311,6 +411,7 @@ TARGETS = {
     "robot_description": robot_description,
     "log_file": log_file,
     "arguments": arguments,
+    "control_loop": control_loop,
     "command_line": command_line,
 }
 
