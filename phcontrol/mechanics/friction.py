@@ -13,10 +13,24 @@ from phcontrol.exceptions import InvalidArgumentError
 
 
 class Friction(Protocol):
-    """What a system needs of a friction model."""
+    """What a system needs of a friction model.
+
+    A :class:`DeclaredFriction` says more, and costs the torque filter less room.
+    """
 
     def coefficients(self, velocity: Array) -> Array:
         """Return dᵢ(q̇ᵢ) ≥ 0, shape (n,) [N·m·s/rad]."""
+        ...
+
+
+class DeclaredFriction(Friction, Protocol):
+    """A friction d(w)w = F_v w + s(w) that says what its dry part s, odd and opposed to w, can be."""
+
+    viscous: Array
+    """F_v, one for all joints or one each [N·m·s/rad]."""
+
+    def least_dry_torque(self, velocity: Array) -> Array:
+        """Return a lower bound of sᵢ at velocityᵢ and all velocities above it, shape (…, n) as ``velocity`` [N·m]."""
         ...
 
 
@@ -79,6 +93,14 @@ class StribeckFriction:
         np.divide(dry, coefficients, coefficients)
         coefficients += self.viscous
         return coefficients
+
+    def least_dry_torque(self, velocity: Array) -> Array:
+        """Return a lower bound of the dry torque at a velocity w and all above it, shape as ``velocity`` [N·m].
+
+        F_c w / sqrt(α_f + w²) for w ≥ 0, F_s w / sqrt(α_f + w²) below; the largest up to w is −least_dry_torque(−w).
+        """
+        sign: Array = velocity / np.hypot(velocity, self._smoothing_velocity)
+        return sign * (np.where(velocity > 0.0, self.coulomb, self.static) if self._has_stribeck else self.coulomb)
 
     def scaled(self, factor: float) -> StribeckFriction:
         """Return this friction with all its torques times ``factor``: a model that is wrong by that much."""

@@ -55,6 +55,23 @@ def _anticipating(bound: Array, speed: Array, period: float, jerk: Array) -> Arr
     return result
 
 
+def narrowed_bounds(
+    response: Array, expected: Array, least: Array, lowest: Array, highest: Array
+) -> tuple[Array, Array]:
+    """Return the bounds for a velocity predicted with a friction torque, whatever the true one does; ``least`` is 4n long.
+
+    Its parts: the least of each joint's own torque at the highest velocity, the least at the other joints, and minus
+    the largest at the other joints and of its own at the lowest.
+    """
+    own_least, other_least, other_most, own_most = least.reshape(4, -1)
+    middle, spread = 0.5 * (other_least - other_most), -0.5 * (other_least + other_most)
+    shift, blur, own = response.dot(expected - middle), np.abs(response).dot(spread), response.diagonal()
+    return (
+        lowest + (blur - shift - own * (own_most - other_most)),
+        highest - (blur + shift - own * (own_least - other_least)),
+    )
+
+
 def bound_excess(velocity: Array, lowest: Array, highest: Array) -> float:
     """Return by how much a velocity leaves its bounds, 0 inside; NaN when there is one inside."""
     return max(float(np.maximum(velocity - highest, lowest - velocity).max()), 0.0)

@@ -15,6 +15,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
 from phcontrol.safety.filter_status import FilterStatus
+from phcontrol.safety.friction_prediction import FrictionPrediction
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
@@ -45,11 +46,15 @@ class _Motion(NamedTuple):
     """How the arm moves in one period."""
 
     inertia: Array
-    """M + hD."""
+    """M + hθF_v."""
     factor: Array
     """Its Cholesky factor."""
     force: Array
-    """f_e − C q̇ − D q̇ − ∂V/∂q [N·m]: what moves the arm beside the motors."""
+    """f_e − C q̇ − F_v q̇ − s − ∂V/∂q [N·m]: what moves the arm beside the motors."""
+    response: Array | None
+    """h(M + hθF_v)⁻¹, and"""
+    dry: Array
+    """s: the dry friction that is expected [N·m]; None and zeros where there is none."""
 
 
 class _Box(NamedTuple):
@@ -128,6 +133,8 @@ class TorqueFilter:
         self._scale: Array = np.where(bounded, effort, _NO_EFFORT_LIMIT)
         self._highest: Array = np.where(bounded, 1.0, UNBOUNDED)
         self._zero = np.zeros(system.n)
+        self._friction = None if system.friction is None else FrictionPrediction(system, period, self.limits.velocity)
+        self._dry = self._friction if self._friction is not None and self._friction.is_dry else None
         self._has_infinite_bounds = not (bounded.all() and np.isfinite(self.limits.velocity).all())
         self._braking_step = self.period * self.limits.braking_acceleration
         self._rate_bound = self.period * self.limits.torque_rate
@@ -177,7 +184,9 @@ class TorqueFilter:
         clipped = np.minimum(np.maximum(torque, low), high)
         unchanged = bool(np.logical_and.reduce(clipped == torque))
         motion = self._motion(x, external_force)
-        bounds = self.limits.velocity_bounds(x.position, x.velocity, self.period)
+        outer = bounds = self.limits.velocity_bounds(x.position, x.velocity, self.period)
+        if self._dry is not None:
+            bounds = self._dry.narrowed(x.velocity, motion.dry, motion.response, *outer)
         velocity = self._next_velocity(x, motion, clipped)
         condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
         if (
@@ -188,7 +197,7 @@ class TorqueFilter:
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
             return FilteredTorque(clipped, status, 0.0, 0.0)
-        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, clipped, velocity)
+        return self._solve(x, torque, self._box(low, high), motion, outer, bounds, condition, clipped, velocity)
 
     def _range(self, previous: Array | None) -> tuple[Array, Array]:
         """Return the lowest and the highest torque by effort and rate [N·m]."""
@@ -202,15 +211,27 @@ class TorqueFilter:
         """Return what the prediction needs."""
         force: Array = x.coriolis_matrix.dot(x.velocity)
         force += x.potential_gradient
-        matrix, damping = x.mass_matrix, x.damping
-        if damping is not None:
-            force += x.friction_torque
+        matrix, friction = x.mass_matrix, self._friction
+        if friction is not None:
+            force += friction.viscous * x.velocity
             matrix = matrix.copy()
-            matrix.ravel(order="K")[:: self.system.n + 1] += self.period * damping
+            matrix.ravel(order="K")[:: self.system.n + 1] += friction.implicit
+        factor = lapack.dpotrf(matrix.T, 1)[0]
+        response, dry = None, self._zero
+        if self._dry is not None:
+            response = self._response(factor, self._identity)
+            dry = self._dry.expected(x.velocity, x.damping, response)
+            force += dry
         np.negative(force, out=force)
         if external_force is not None:
             force += external_force
-        return _Motion(matrix, lapack.dpotrf(matrix.T, 1)[0], force)
+        return _Motion(matrix, factor, force, response, dry)
+
+    def _response(self, factor: Array, forces: Array) -> Array:
+        """Return h(M + hθF_v)⁻¹ times the columns of a matrix."""
+        response: Array = lapack.dpotrs(factor, forces, 1)[0]
+        response *= self.period
+        return response
 
     def _next_velocity(self, x: MechanicalState, motion: _Motion, torque: Array) -> Array:
         """Return v⁺ under a torque [rad/s]."""
@@ -269,6 +290,7 @@ class TorqueFilter:
         wish: Array,
         box: _Box,
         motion: _Motion,
+        outer: tuple[Array, Array],
         bounds: tuple[Array, Array],
         condition: StorageCondition | None,
         clipped: Array,
@@ -278,12 +300,14 @@ class TorqueFilter:
         farthest = _FARTHEST * reach
         wish = np.minimum(np.maximum(wish, centre - farthest), centre + farthest)
         matrix = self.system.input_matrix
-        effect = lapack.dpotrs(motion.factor, self._identity if matrix is None else matrix, 1)[0]
-        effect *= self.period
+        effect = motion.response if matrix is None else None
+        if effect is None:
+            effect = self._response(motion.factor, self._identity if matrix is None else matrix)
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
+        aim = bounds if self._dry is None else _reconciled(x.velocity, outer, bounds)
         rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
-        safe = self._braking(x, motion, bounds, box)
-        keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds, safe, _ROOM, rows, lower, upper)
+        safe = self._braking(x, motion, aim, box)
+        keeps = kernels.motion_rows(effect, reach, centre, drift, *aim, safe, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
             np.maximum(lower, -UNBOUNDED, out=lower)
             np.minimum(upper, UNBOUNDED, out=upper)
@@ -297,10 +321,13 @@ class TorqueFilter:
 
         def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
             torque = box.torque(feasible if answer is None else answer)
-            reached, excess = drift + effect.dot(torque), 0.0
+            reached, growth = drift + effect.dot(torque), 0.0
+            excess = kernels.bound_excess(reached, *bounds)
+            if excess > 0.0 and self._dry is not None:
+                excess = self._dry.excess(x.velocity, motion.dry, motion.response, *outer, reached)
             if condition is not None:
-                excess = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
-            return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds), excess)
+                growth = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
+            return FilteredTorque(torque, status, excess, growth)
 
         if condition is None:
             found = result(*program.solve(problem, feasible))
@@ -327,6 +354,16 @@ class TorqueFilter:
             centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
             return _Box(low, high, centre, reach, np.where(free, UNBOUNDED, 1.0))
         return _Box(low, high, centre, reach, self._highest)
+
+
+def _reconciled(velocity: Array, outer: tuple[Array, Array], bounds: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return narrowed bounds without contradictions: there, what brakes to the outer ones, or the middle inside."""
+    lowest, highest = bounds
+    contrary = lowest > highest
+    if not np.logical_or.reduce(contrary):
+        return bounds
+    middle = np.where(velocity > outer[1], highest, np.where(velocity < outer[0], lowest, 0.5 * (lowest + highest)))
+    return np.where(contrary, middle, lowest), np.where(contrary, middle, highest)
 
 
 def _scaled(excess: float, slope: Array, curvature: Array, centre: Array, reach: Array) -> QuadraticConstraint | None:
