@@ -29,8 +29,8 @@ class DeclaredFriction(Friction, Protocol):
     viscous: Array
     """F_v, one for all joints or one each [N·m·s/rad]."""
 
-    def least_dry_torque(self, velocity: Array) -> Array:
-        """Return a lower bound of sᵢ at velocityᵢ and all velocities above it, shape (…, n) as ``velocity`` [N·m]."""
+    def dry_torque_range(self, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return bounds of sᵢ(w) for all w from lowestᵢ to highestᵢ, shapes (…, n) all four [rad/s, N·m]."""
         ...
 
 
@@ -94,13 +94,22 @@ class StribeckFriction:
         coefficients += self.viscous
         return coefficients
 
-    def least_dry_torque(self, velocity: Array) -> Array:
-        """Return a lower bound of the dry torque at a velocity w and all above it, shape as ``velocity`` [N·m].
+    def dry_torque_range(self, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return bounds of (d(w) − F_v)w for all w from ``lowest`` to ``highest``, shapes (…, n) all four [N·m].
 
-        F_c w / sqrt(α_f + w²) for w ≥ 0, F_s w / sqrt(α_f + w²) below; the largest up to w is −least_dry_torque(−w).
+        Of the two factors w / sqrt(α_f + w²), which rises with w, and F_c + (F_s − F_c) exp(−|w|/q̇_s), which falls
+        with |w|, each is bounded by itself: exact without a Stribeck effect.
         """
-        sign: Array = velocity / np.hypot(velocity, self._smoothing_velocity)
-        return sign * (np.where(velocity > 0.0, self.coulomb, self.static) if self._has_stribeck else self.coulomb)
+        least: Array = lowest / np.hypot(lowest, self._smoothing_velocity)
+        most: Array = highest / np.hypot(highest, self._smoothing_velocity)
+        if not self._has_stribeck:
+            return self.coulomb * least, self.coulomb * most
+        slowest = np.maximum(np.maximum(lowest, -highest), 0.0)
+        at_least = np.where(lowest > 0.0, highest, slowest)
+        at_most = np.where(highest < 0.0, -lowest, slowest)
+        least *= self.coulomb + self._excess * np.exp(at_least * self._negative_rate)
+        most *= self.coulomb + self._excess * np.exp(at_most * self._negative_rate)
+        return least, most
 
     def scaled(self, factor: float) -> StribeckFriction:
         """Return this friction with all its torques times ``factor``: a model that is wrong by that much."""

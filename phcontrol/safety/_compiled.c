@@ -92,19 +92,16 @@ static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_s
 }
 
 PyDoc_STRVAR(narrowed_bounds_doc,
-             "narrowed_bounds(response, expected, least, lowest, highest)\n--\n\n"
-             "Return the bounds for a velocity predicted with a friction torque, whatever the true one does.");
+             "narrowed_bounds(response, expected, least, most, lowest, highest)\n--\n\n"
+             "Return the bounds for a velocity predicted with the expected friction torque, whatever the true one does.");
 static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  if (given != 5) return PyErr_Format(PyExc_TypeError, "takes 5 arguments, but %zd were given", given);
-  npy_intp n = PyArray_Check(arguments[1]) && PyArray_NDIM((PyArrayObject *)arguments[1]) == 1
-                   ? PyArray_DIM((PyArrayObject *)arguments[1], 0)
-                   : 0;
-  RETURN_UNLESS(is_doubles(arguments[0], 2, n, "response") && is_dense(arguments[1], n, "expected") &&
-                is_dense(arguments[2], 4 * n, "least") && is_dense(arguments[3], n, "lowest") &&
-                is_dense(arguments[4], n, "highest"));
-  const double *expected = values_of(arguments[1]), *least = values_of(arguments[2]);
-  const double *lowest = values_of(arguments[3]), *highest = values_of(arguments[4]);
-  const double *own_least = least, *other_least = least + n, *other_most = least + 2 * n, *own_most = least + 3 * n;
+  npy_intp n = size_of(arguments, given, 6);
+  RETURN_UNLESS(n >= 0 && is_doubles(arguments[0], 2, n, "response") && is_dense(arguments[1], n, "expected") &&
+                is_dense(arguments[2], 3 * n, "least") && is_dense(arguments[3], 3 * n, "most") &&
+                is_dense(arguments[4], n, "lowest") && is_dense(arguments[5], n, "highest"));
+  const double *expected = values_of(arguments[1]), *own_least = values_of(arguments[2]);
+  const double *least = own_least + 2 * n, *most = (const double *)values_of(arguments[3]) + 2 * n, *own_most = most - n;
+  const double *lowest = values_of(arguments[4]), *highest = values_of(arguments[5]);
   Workspace space;
   if (!workspace_open(&space, n * n)) return NULL;
   double *A = workspace_take(&space, n * n), *low, *high;
@@ -112,13 +109,13 @@ static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, P
   PyObject *narrow_low = new_vector(n, &low), *narrow_high = new_vector(n, &high), *result = NULL;
   if (narrow_low != NULL && narrow_high != NULL) {
     for (npy_intp i = 0; i < n; i++) {
-      double shift = 0.0, blur = 0.0, own = A[i * n + i];
+      double shift = 0.0, spread = 0.0, own = A[i * n + i];
       for (npy_intp j = 0; j < n; j++) {
-        shift += A[i * n + j] * (expected[j] - 0.5 * (other_least[j] - other_most[j]));
-        blur -= fabs(A[i * n + j]) * 0.5 * (other_least[j] + other_most[j]);
+        shift += A[i * n + j] * (expected[j] - 0.5 * (least[j] + most[j]));
+        spread += fabs(A[i * n + j]) * 0.5 * (most[j] - least[j]);
       }
-      low[i] = lowest[i] + (blur - shift - own * (own_most[i] - other_most[i]));
-      high[i] = highest[i] - (blur + shift - own * (own_least[i] - other_least[i]));
+      low[i] = lowest[i] + (spread - shift - own * (most[i] - own_most[i]));
+      high[i] = highest[i] - (spread + shift - own * (own_least[i] - least[i]));
     }
     result = PyTuple_Pack(2, narrow_low, narrow_high);
   }

@@ -56,19 +56,19 @@ def _anticipating(bound: Array, speed: Array, period: float, jerk: Array) -> Arr
 
 
 def narrowed_bounds(
-    response: Array, expected: Array, least: Array, lowest: Array, highest: Array
+    response: Array, expected: Array, least: Array, most: Array, lowest: Array, highest: Array
 ) -> tuple[Array, Array]:
-    """Return the bounds for a velocity predicted with a friction torque, whatever the true one does; ``least`` is 4n long.
+    """Return the bounds for a velocity predicted with the expected friction torque, whatever the true one does.
 
-    Its parts: the least of each joint's own torque at the highest velocity, the least at the other joints, and minus
-    the largest at the other joints and of its own at the lowest.
+    ``least`` and ``most`` are 3n long: each joint's torque towards its upper bound, towards its lower, and anywhere.
     """
-    own_least, other_least, other_most, own_most = least.reshape(4, -1)
-    middle, spread = 0.5 * (other_least - other_most), -0.5 * (other_least + other_most)
-    shift, blur, own = response.dot(expected - middle), np.abs(response).dot(spread), response.diagonal()
+    n = expected.size
+    low, high = least[2 * n :], most[2 * n :]
+    shift, spread = response.dot(expected - 0.5 * (low + high)), np.abs(response).dot(0.5 * (high - low))
+    own = response.diagonal()
     return (
-        lowest + (blur - shift - own * (own_most - other_most)),
-        highest - (blur + shift - own * (own_least - other_least)),
+        lowest + (spread - shift - own * (high - most[n : 2 * n])),
+        highest - (spread + shift - own * (least[:n] - low)),
     )
 
 

@@ -14,6 +14,7 @@ _SLOWEST = 1e-6  # speed at which a friction is sampled [rad/s]
 _FASTEST = 2.0  # likewise, in velocity limits
 _FAST = 100.0  # likewise, for a joint without one [rad/s]
 _SAMPLES = 400  # of each sign
+_ANY_SPEED = 1e9  # [rad/s]
 _NEGLIGIBLE = 1e-3  # of a period's decay, below which its series is used
 
 
@@ -26,14 +27,10 @@ class FrictionPrediction:
         v⁺ = q̇ + h(M + hθF_v)⁻¹(f − F_v q̇ − s),   θ = 1/(1 − exp(−x)) − 1/x,   x = hF_v(M⁻¹)_jj at home.
 
     **Dry**: in one period a joint can pass through many velocities, and s can turn from one end to the other in a
-    hundredth of it, so of its mean only an interval is known. With g(w) the least s at w and all velocities above,
-    and l ≤ v⁺ ≤ b the bounds of the next velocity,
-
-        s_j ∈ [g(min(q̇_j, l_j)), −g(−max(q̇_j, b_j))].
-
-    All of it counts at the other joints, where it acts through (M + hθF_v)⁻¹ with either sign. A joint's own friction
-    cannot push it where it does not go: where joint i would leave b_i it is at least g(min(q̇_i, b_i)), where it would
-    leave l_i at most −g(−max(q̇_i, l_i)).
+    hundredth of it, so of its mean only an interval is known: what s is at the velocities from q̇_j to anywhere inside
+    the bounds of the next one. All of it counts at the other joints, where it acts through (M + hθF_v)⁻¹ with either
+    sign. A joint's own friction cannot push it where it does not go: on the way to a bound it is what s is from q̇_i to
+    that bound, of which the least counts for the upper bound and the most for the lower.
 
     A friction that is no :class:`DeclaredFriction` is sampled at 800 velocities up to twice the velocity limits
     (100 rad/s where there is none): F_v is the smallest of its coefficients, and s lies between 0 and the largest
@@ -52,7 +49,7 @@ class FrictionPrediction:
         friction, n = system.friction, system.n
         assert friction is not None
         model: DeclaredFriction = (
-            friction if hasattr(friction, "least_dry_torque") else _SampledFriction(friction, velocity_limit)
+            friction if hasattr(friction, "dry_torque_range") else _SampledFriction(friction, velocity_limit)
         )
         self._model = model
         self.viscous: Array = np.array(np.broadcast_to(model.viscous, n), dtype=float)
@@ -60,10 +57,10 @@ class FrictionPrediction:
         mobility = np.linalg.inv(system.at(system.robot.home).mass_matrix).diagonal()
         self.implicit: Array = period * self.viscous * _implicit_weight(period * self.viscous * mobility)
         """hθF_v, shape (n,): what viscous friction adds to the diagonal of M [kg·m²]."""
-        self._most: Array = -model.least_dry_torque(np.full(n, -1e9))
+        self._most: Array = model.dry_torque_range(np.full(n, -_ANY_SPEED), np.full(n, _ANY_SPEED))[1]
         self.is_dry = bool(self._most.any())
         """Whether there is any dry friction."""
-        self._speeds = np.empty((4, n))
+        self._lowest, self._highest = np.empty((3, n)), np.empty((3, n))
 
     def expected(self, velocity: Array, damping: Array, response: Array) -> Array:
         """Return s(v) of a joint that nothing else moves: (d − F_v)v, implicit in its own velocity [N·m]."""
@@ -86,37 +83,31 @@ class FrictionPrediction:
             lowest: l [rad/s].
             highest: b [rad/s].
         """
-        return self._narrowed(velocity, expected, response, lowest, highest, lowest, highest)
+        slow, fast = self._lowest, self._highest  # towards the upper bound, towards the lower, and anywhere
+        np.minimum(velocity, highest, out=slow[0])
+        np.maximum(velocity, highest, out=fast[0])
+        np.minimum(velocity, lowest, out=slow[1])
+        np.maximum(velocity, lowest, out=fast[1])
+        np.minimum(slow[0], slow[1], out=slow[2])
+        np.maximum(fast[0], fast[1], out=fast[2])
+        return self._narrowed(expected, response, lowest, highest)
 
     def excess(
         self, velocity: Array, expected: Array, response: Array, lowest: Array, highest: Array, following: Array
     ) -> float:
         """Return by how much the true next velocity may leave its bounds where ``following`` is predicted [rad/s]."""
         spread = np.abs(response).dot(self._most + np.abs(expected))
-        reached = following - spread, following + spread
-        return kernels.bound_excess(
-            following, *self._narrowed(velocity, expected, response, lowest, highest, *reached)
-        )
+        slow, fast = self._lowest, self._highest
+        slow[:] = np.minimum(velocity, following - spread)
+        fast[:] = np.maximum(velocity, following + spread)
+        np.minimum(velocity, highest, out=slow[0])  # while it is above its bound or on its way to it
+        np.maximum(velocity, lowest, out=fast[1])
+        return kernels.bound_excess(following, *self._narrowed(expected, response, lowest, highest))
 
-    def _narrowed(
-        self,
-        velocity: Array,
-        expected: Array,
-        response: Array,
-        lowest: Array,
-        highest: Array,
-        slowest: Array,
-        fastest: Array,
-    ) -> tuple[Array, Array]:
-        """Return the narrowed bounds, where the next velocities are between ``slowest`` and ``fastest``."""
-        speeds = self._speeds
-        np.minimum(velocity, highest, out=speeds[0])
-        np.minimum(velocity, slowest, out=speeds[1])
-        np.maximum(velocity, fastest, out=speeds[2])
-        np.maximum(velocity, lowest, out=speeds[3])
-        np.negative(speeds[2:], out=speeds[2:])
-        least = self._model.least_dry_torque(speeds)
-        return kernels.narrowed_bounds(response, expected, least.ravel(), lowest, highest)
+    def _narrowed(self, expected: Array, response: Array, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return the narrowed bounds for the velocities that have been written down."""
+        least, most = self._model.dry_torque_range(self._lowest, self._highest)
+        return kernels.narrowed_bounds(response, expected, least.ravel(), most.ravel(), lowest, highest)
 
 
 class _SampledFriction:
@@ -136,9 +127,9 @@ class _SampledFriction:
         """Return F_v; no use is made of the others."""
         return np.broadcast_to(self.viscous, velocity.shape)
 
-    def least_dry_torque(self, velocity: Array) -> Array:
-        """Return 0 above rest, and minus the largest torque found below it."""
-        return np.where(velocity < 0.0, -self._most, 0.0)
+    def dry_torque_range(self, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return from 0 to the largest torque found, against the motion."""
+        return np.where(lowest < 0.0, -self._most, 0.0), np.where(highest > 0.0, self._most, 0.0)
 
 
 def _implicit_weight(decay: Array) -> Array:

@@ -1,7 +1,7 @@
 """The small linear algebra of the torque filter: compiled where it was built, else NumPy's; tested against each other.
 
     speed_bounds(q, v, h, edges, α, j, v_max, τ_r, v_r)        the lowest and the highest next velocity (``Limits``)
-    narrowed_bounds(hA, s, g, v_min, v_max)                    the bounds that leave dry friction its room (``DryFriction``)
+    narrowed_bounds(hA, s, s_min, s_max, v_min, v_max)         the same less what friction may do
     bound_excess(v, v_min, v_max)                              by how much a velocity leaves its bounds
     motion_rows(E, reach, centre, drift, …, rows, lower, upper)  writes l ≤ C z ≤ u for the next velocity
     residuals(H, g, C, l, u, a, b, z, λ)                       how far z is from optimal (``Problem.residuals``)

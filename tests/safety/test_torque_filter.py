@@ -302,10 +302,11 @@ EXTREME = TorqueFilter(
 @pytest.mark.parametrize("metric", ["inertia", np.diag([1.0, 5.0])])
 def test_other_metrics_agree_with_a_general_solver(shoulder, metric):
     """Nearest in another metric: no point of a fine grid inside the limits is nearer."""
+    shoulder = MechanicalSystem(shoulder.robot, friction=None)
     limits = Limits(shoulder, velocity=0.02)
     filter_ = TorqueFilter(shoulder, period=PERIOD, limits=limits, metric=metric)
     x = shoulder.at([-0.5, 0.4], [0.015, -0.01])
-    W = np.linalg.inv(x.mass_matrix + PERIOD * x.damping_matrix) if isinstance(metric, str) else metric
+    W = np.linalg.inv(x.mass_matrix) if isinstance(metric, str) else metric
     wish = np.array([30.0, -60.0])
     result = filter_.filter(x, wish)
     assert result.status == FilterStatus.SOLVED
@@ -314,8 +315,8 @@ def test_other_metrics_agree_with_a_general_solver(shoulder, metric):
         return float((u - wish) @ W @ (u - wish))
 
     inside = 0
-    effect = PERIOD * np.linalg.inv(x.mass_matrix + PERIOD * x.damping_matrix)
-    drift = x.velocity - effect @ (x.coriolis_matrix @ x.velocity + x.potential_gradient + x.friction_torque)
+    effect = PERIOD * np.linalg.inv(x.mass_matrix)
+    drift = x.velocity - effect @ (x.coriolis_matrix @ x.velocity + x.potential_gradient)
     for u in result.torque + np.random.default_rng(0).normal(size=(4000, 2)) * 0.5:
         ok = (np.abs(u) <= limits.effort).all() and (np.abs(drift + effect @ u) <= 0.02).all()
         if ok:
