@@ -91,9 +91,51 @@ static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_s
   return result;
 }
 
+PyDoc_STRVAR(expected_friction_doc, "expected_friction(velocity, damping, viscous, response)\n--\n\n"
+                                    "Return the dry torque of joints that nothing else moves.");
+static PyObject *expected_friction(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 4);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "damping") &&
+                is_dense(arguments[2], n, "viscous") && is_doubles(arguments[3], 2, n, "response"));
+  const double *velocity = values_of(arguments[0]), *damping = values_of(arguments[1]);
+  const double *viscous = values_of(arguments[2]);
+  PyArrayObject *response = (PyArrayObject *)arguments[3];
+  npy_intp step = PyArray_STRIDE(response, 0) + PyArray_STRIDE(response, 1);
+  const char *own = PyArray_BYTES(response);
+  double *torque;
+  PyObject *result = new_vector(n, &torque);
+  if (result == NULL) return NULL;
+  for (npy_intp i = 0; i < n; i++) {
+    double dry = damping[i] - viscous[i];
+    torque[i] = dry * velocity[i] / (1.0 + *(const double *)(own + i * step) * dry);
+  }
+  return result;
+}
+
+PyDoc_STRVAR(passed_velocities_doc,
+             "passed_velocities(velocity, lowest, highest, slow, fast)\n--\n\n"
+             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere.");
+static PyObject *passed_velocities(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 5);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "lowest") &&
+                is_dense(arguments[2], n, "highest") && is_dense(arguments[3], 3 * n, "slow") &&
+                is_dense(arguments[4], 3 * n, "fast"));
+  const double *velocity = values_of(arguments[0]), *lowest = values_of(arguments[1]);
+  const double *highest = values_of(arguments[2]);
+  double *slow = values_of(arguments[3]), *fast = values_of(arguments[4]);
+  for (npy_intp i = 0; i < n; i++) {
+    double v = velocity[i], low = lowest[i], high = highest[i];
+    slow[i] = v < high ? v : high, fast[i] = v > high ? v : high;
+    slow[n + i] = slow[2 * n + i] = v < low ? v : low, fast[n + i] = v > low ? v : low;
+    fast[2 * n + i] = fast[i];
+  }
+  Py_RETURN_NONE;
+}
+
 PyDoc_STRVAR(narrowed_bounds_doc,
              "narrowed_bounds(response, expected, least, most, lowest, highest)\n--\n\n"
-             "Return the bounds for a velocity predicted with the expected friction torque, whatever the true one does.");
+             "Return the bounds for a velocity predicted with the expected friction torque, whatever the true one\n"
+             "does, and whether some are contradictory.");
 static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp n = size_of(arguments, given, 6);
   RETURN_UNLESS(n >= 0 && is_doubles(arguments[0], 2, n, "response") && is_dense(arguments[1], n, "expected") &&
@@ -105,6 +147,7 @@ static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, P
   Workspace space;
   if (!workspace_open(&space, n * n)) return NULL;
   double *A = workspace_take(&space, n * n), *low, *high;
+  int contrary = 0;
   read_matrix(arguments[0], n, A);
   PyObject *narrow_low = new_vector(n, &low), *narrow_high = new_vector(n, &high), *result = NULL;
   if (narrow_low != NULL && narrow_high != NULL) {
@@ -116,8 +159,9 @@ static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, P
       }
       low[i] = lowest[i] + (spread - shift - own * (most[i] - own_most[i]));
       high[i] = highest[i] - (spread + shift - own * (own_least[i] - least[i]));
+      if (low[i] > high[i]) contrary = 1;
     }
-    result = PyTuple_Pack(2, narrow_low, narrow_high);
+    result = PyTuple_Pack(3, narrow_low, narrow_high, contrary ? Py_True : Py_False);
   }
   Py_XDECREF(narrow_low);
   Py_XDECREF(narrow_high);
@@ -351,7 +395,7 @@ done:
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {
-    METHOD(speed_bounds),    METHOD(narrowed_bounds), METHOD(bound_excess),   METHOD(motion_rows),
+    METHOD(speed_bounds),    METHOD(expected_friction), METHOD(passed_velocities), METHOD(narrowed_bounds), METHOD(bound_excess),   METHOD(motion_rows),
     METHOD(residuals),       METHOD(active_set_step), {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",

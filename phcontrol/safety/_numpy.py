@@ -55,21 +55,33 @@ def _anticipating(bound: Array, speed: Array, period: float, jerk: Array) -> Arr
     return result
 
 
+def expected_friction(velocity: Array, damping: Array, viscous: Array, response: Array) -> Array:
+    """Return the dry torque (d − F_v)v of joints that nothing else moves, implicit in their own velocities."""
+    dry = damping - viscous
+    torque: Array = dry * velocity / (1.0 + response.diagonal() * dry)
+    return torque
+
+
+def passed_velocities(velocity: Array, lowest: Array, highest: Array, slow: Array, fast: Array) -> None:
+    """Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere; 3n long each."""
+    slow[:] = np.minimum(np.tile(velocity, 3), np.concatenate((highest, lowest, lowest)))
+    fast[:] = np.maximum(np.tile(velocity, 3), np.concatenate((highest, lowest, highest)))
+
+
 def narrowed_bounds(
     response: Array, expected: Array, least: Array, most: Array, lowest: Array, highest: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, bool]:
     """Return the bounds for a velocity predicted with the expected friction torque, whatever the true one does.
 
-    ``least`` and ``most`` are 3n long: each joint's torque towards its upper bound, towards its lower, and anywhere.
+    ``least`` and ``most`` are for the passed velocities, 3n long. Also return whether some bounds are contradictory.
     """
     n = expected.size
     low, high = least[2 * n :], most[2 * n :]
     shift, spread = response.dot(expected - 0.5 * (low + high)), np.abs(response).dot(0.5 * (high - low))
     own = response.diagonal()
-    return (
-        lowest + (spread - shift - own * (high - most[n : 2 * n])),
-        highest - (spread + shift - own * (least[:n] - low)),
-    )
+    narrow_low: Array = lowest + (spread - shift - own * (high - most[n : 2 * n]))
+    narrow_high: Array = highest - (spread + shift - own * (least[:n] - low))
+    return narrow_low, narrow_high, bool((narrow_low > narrow_high).any())
 
 
 def bound_excess(velocity: Array, lowest: Array, highest: Array) -> float:

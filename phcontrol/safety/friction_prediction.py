@@ -60,21 +60,18 @@ class FrictionPrediction:
         self._most: Array = model.dry_torque_range(np.full(n, -_ANY_SPEED), np.full(n, _ANY_SPEED))[1]
         self.is_dry = bool(self._most.any())
         """Whether there is any dry friction."""
-        self._lowest, self._highest = np.empty((3, n)), np.empty((3, n))
+        self._slow, self._fast = np.empty((3, n)), np.empty((3, n))  # towards the upper bound, the lower, anywhere
 
     def expected(self, velocity: Array, damping: Array, response: Array) -> Array:
         """Return s(v) of a joint that nothing else moves: (d − F_v)v, implicit in its own velocity [N·m]."""
-        dry = damping - self.viscous
-        torque: Array = dry * velocity
-        torque /= 1.0 + response.diagonal() * dry
-        return torque
+        return kernels.expected_friction(velocity, damping, self.viscous, response)
 
     def narrowed(
         self, velocity: Array, expected: Array, response: Array, lowest: Array, highest: Array
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, bool]:
         """Return the bounds of the next velocity *as predicted with* ``expected`` that keep the true one in its bounds.
 
-        They can be contradictory: the lowest above the highest.
+        Also return whether they are contradictory for some joint: the lowest above the highest.
 
         Args:
             velocity: q̇ [rad/s].
@@ -83,13 +80,7 @@ class FrictionPrediction:
             lowest: l [rad/s].
             highest: b [rad/s].
         """
-        slow, fast = self._lowest, self._highest  # towards the upper bound, towards the lower, and anywhere
-        np.minimum(velocity, highest, out=slow[0])
-        np.maximum(velocity, highest, out=fast[0])
-        np.minimum(velocity, lowest, out=slow[1])
-        np.maximum(velocity, lowest, out=fast[1])
-        np.minimum(slow[0], slow[1], out=slow[2])
-        np.maximum(fast[0], fast[1], out=fast[2])
+        kernels.passed_velocities(velocity, lowest, highest, self._slow.ravel(), self._fast.ravel())
         return self._narrowed(expected, response, lowest, highest)
 
     def excess(
@@ -97,16 +88,19 @@ class FrictionPrediction:
     ) -> float:
         """Return by how much the true next velocity may leave its bounds where ``following`` is predicted [rad/s]."""
         spread = np.abs(response).dot(self._most + np.abs(expected))
-        slow, fast = self._lowest, self._highest
+        slow, fast = self._slow, self._fast
         slow[:] = np.minimum(velocity, following - spread)
         fast[:] = np.maximum(velocity, following + spread)
-        np.minimum(velocity, highest, out=slow[0])  # while it is above its bound or on its way to it
+        np.minimum(velocity, highest, out=slow[0])  # a joint that leaves a bound has been on the way to it
         np.maximum(velocity, lowest, out=fast[1])
-        return kernels.bound_excess(following, *self._narrowed(expected, response, lowest, highest))
+        least, most, _ = self._narrowed(expected, response, lowest, highest)
+        return kernels.bound_excess(following, least, most)
 
-    def _narrowed(self, expected: Array, response: Array, lowest: Array, highest: Array) -> tuple[Array, Array]:
+    def _narrowed(
+        self, expected: Array, response: Array, lowest: Array, highest: Array
+    ) -> tuple[Array, Array, bool]:
         """Return the narrowed bounds for the velocities that have been written down."""
-        least, most = self._model.dry_torque_range(self._lowest, self._highest)
+        least, most = self._model.dry_torque_range(self._slow, self._fast)
         return kernels.narrowed_bounds(response, expected, least.ravel(), most.ravel(), lowest, highest)
 
 

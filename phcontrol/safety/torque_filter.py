@@ -27,6 +27,7 @@ _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is ta
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
+_SEEN = 1e-9  # excess that lets a joint pass through other velocities than its bounds say [rad/s]
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
 
 
@@ -55,6 +56,17 @@ class _Motion(NamedTuple):
     """h(M + hθF_v)⁻¹, and"""
     dry: Array
     """s: the dry friction that is expected [N·m]; None and zeros where there is none."""
+
+
+class _Bounds(NamedTuple):
+    """Between which velocities the arm must be after a period, each a lowest and a highest one [rad/s]."""
+
+    true: tuple[Array, Array]
+    """Those of the limits."""
+    predicted: tuple[Array, Array]
+    """Those for the predicted velocity: narrower by what dry friction may do; they can be contradictory."""
+    aimed: tuple[Array, Array]
+    """The same without contradictions."""
 
 
 class _Box(NamedTuple):
@@ -184,20 +196,18 @@ class TorqueFilter:
         clipped = np.minimum(np.maximum(torque, low), high)
         unchanged = bool(np.logical_and.reduce(clipped == torque))
         motion = self._motion(x, external_force)
-        outer = bounds = self.limits.velocity_bounds(x.position, x.velocity, self.period)
-        if self._dry is not None:
-            bounds = self._dry.narrowed(x.velocity, motion.dry, motion.response, *outer)
+        bounds = self._bounds(x, motion)
         velocity = self._next_velocity(x, motion, clipped)
         condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
         if (
             (unchanged or self._is_separable)
-            and kernels.bound_excess(velocity, *bounds) == 0.0
+            and kernels.bound_excess(velocity, *bounds.predicted) == 0.0
             and (unchanged or condition is None or condition.power(clipped - torque, velocity - x.velocity) <= 0.0)
         ):
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
             return FilteredTorque(clipped, status, 0.0, 0.0)
-        return self._solve(x, torque, self._box(low, high), motion, outer, bounds, condition, clipped, velocity)
+        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, clipped, velocity)
 
     def _range(self, previous: Array | None) -> tuple[Array, Array]:
         """Return the lowest and the highest torque by effort and rate [N·m]."""
@@ -232,6 +242,17 @@ class TorqueFilter:
         response: Array = lapack.dpotrs(factor, forces, 1)[0]
         response *= self.period
         return response
+
+    def _bounds(self, x: MechanicalState, motion: _Motion) -> _Bounds:
+        """Return the bounds of the next velocity."""
+        true = self.limits.velocity_bounds(x.position, x.velocity, self.period)
+        if self._dry is None:
+            return _Bounds(true, true, true)
+        lowest, highest, contrary = self._dry.narrowed(x.velocity, motion.dry, motion.response, *true)
+        predicted = aimed = lowest, highest
+        if contrary:
+            aimed = _reconciled(x.velocity, true, predicted)
+        return _Bounds(true, predicted, aimed)
 
     def _next_velocity(self, x: MechanicalState, motion: _Motion, torque: Array) -> Array:
         """Return v⁺ under a torque [rad/s]."""
@@ -290,8 +311,7 @@ class TorqueFilter:
         wish: Array,
         box: _Box,
         motion: _Motion,
-        outer: tuple[Array, Array],
-        bounds: tuple[Array, Array],
+        bounds: _Bounds,
         condition: StorageCondition | None,
         clipped: Array,
         velocity: Array,
@@ -304,10 +324,9 @@ class TorqueFilter:
         if effect is None:
             effect = self._response(motion.factor, self._identity if matrix is None else matrix)
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
-        aim = bounds if self._dry is None else _reconciled(x.velocity, outer, bounds)
         rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
-        safe = self._braking(x, motion, aim, box)
-        keeps = kernels.motion_rows(effect, reach, centre, drift, *aim, safe, _ROOM, rows, lower, upper)
+        safe = self._braking(x, motion, bounds.aimed, box)
+        keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds.aimed, safe, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
             np.maximum(lower, -UNBOUNDED, out=lower)
             np.minimum(upper, UNBOUNDED, out=upper)
@@ -322,9 +341,9 @@ class TorqueFilter:
         def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
             torque = box.torque(feasible if answer is None else answer)
             reached, growth = drift + effect.dot(torque), 0.0
-            excess = kernels.bound_excess(reached, *bounds)
-            if excess > 0.0 and self._dry is not None:
-                excess = self._dry.excess(x.velocity, motion.dry, motion.response, *outer, reached)
+            excess = kernels.bound_excess(reached, *bounds.predicted)
+            if excess > _SEEN and self._dry is not None:
+                excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached)
             if condition is not None:
                 growth = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
             return FilteredTorque(torque, status, excess, growth)
@@ -356,13 +375,11 @@ class TorqueFilter:
         return _Box(low, high, centre, reach, self._highest)
 
 
-def _reconciled(velocity: Array, outer: tuple[Array, Array], bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return narrowed bounds without contradictions: there, what brakes to the outer ones, or the middle inside."""
-    lowest, highest = bounds
+def _reconciled(velocity: Array, true: tuple[Array, Array], predicted: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return bounds without contradictions: in their middle, and for a joint that is too fast at that which brakes."""
+    lowest, highest = predicted
     contrary = lowest > highest
-    if not np.logical_or.reduce(contrary):
-        return bounds
-    middle = np.where(velocity > outer[1], highest, np.where(velocity < outer[0], lowest, 0.5 * (lowest + highest)))
+    middle = np.where(velocity > true[1], highest, np.where(velocity < true[0], lowest, 0.5 * (lowest + highest)))
     return np.where(contrary, middle, lowest), np.where(contrary, middle, highest)
 
 
