@@ -114,7 +114,8 @@ static PyObject *expected_friction(PyObject *module, PyObject *const *arguments,
 
 PyDoc_STRVAR(passed_velocities_doc,
              "passed_velocities(velocity, lowest, highest, slow, fast)\n--\n\n"
-             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere.");
+             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere;\n"
+             "up to 1e9.");
 static PyObject *passed_velocities(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp n = size_of(arguments, given, 5);
   RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "lowest") &&
@@ -128,6 +129,7 @@ static PyObject *passed_velocities(PyObject *module, PyObject *const *arguments,
     slow[i] = v < high ? v : high, fast[i] = v > high ? v : high;
     slow[n + i] = slow[2 * n + i] = v < low ? v : low, fast[n + i] = v > low ? v : low;
     fast[2 * n + i] = fast[i];
+    for (npy_intp k = i; k < 3 * n; k += n) slow[k] = clip(slow[k], -1e9, 1e9), fast[k] = clip(fast[k], -1e9, 1e9);
   }
   Py_RETURN_NONE;
 }

@@ -27,7 +27,7 @@ _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is ta
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
-_SEEN = 1e-9  # excess that lets a joint pass through other velocities than its bounds say [rad/s]
+_SEEN = 1e-9  # excess from which on the velocities passed are no longer those inside the bounds [rad/s]
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
 
 
@@ -341,12 +341,9 @@ class TorqueFilter:
         def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
             torque = box.torque(feasible if answer is None else answer)
             reached, growth = drift + effect.dot(torque), 0.0
-            excess = kernels.bound_excess(reached, *bounds.predicted)
-            if excess > _SEEN and self._dry is not None:
-                excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached)
             if condition is not None:
                 growth = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
-            return FilteredTorque(torque, status, excess, growth)
+            return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds.predicted), growth)
 
         if condition is None:
             found = result(*program.solve(problem, feasible))
@@ -361,7 +358,11 @@ class TorqueFilter:
             else:
                 found = without
         self.counts[found.status] += 1
-        return found
+        if self._dry is None or not found.motion_excess > _SEEN:
+            return found
+        reached = drift + effect.dot(found.torque)
+        excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached)
+        return found._replace(motion_excess=excess)
 
     def _box(self, low: Array, high: Array) -> _Box:
         """Return the box with its scales."""

@@ -98,6 +98,8 @@ class Tally:
     """How many cases are beyond by more than so much [rad/s]."""
     relative: float = -np.inf
     """Largest part of the fastest joint's change of velocity, + 0.01 rad/s, by which a case is beyond."""
+    relative_frozen: float = -np.inf
+    """The same with inertia and load as they were."""
 
 
 def draw(system: MechanicalSystem, filter_: TorqueFilter, rng: np.random.Generator, count: int, tally: Tally) -> Batch:
@@ -141,15 +143,16 @@ def _box(limits: Limits) -> tuple[np.ndarray, np.ndarray]:
     return -limits.effort, limits.effort
 
 
-def next_velocity(
-    system: MechanicalSystem, batch: Batch, period: float, friction, *, frozen: bool = False
-) -> np.ndarray:
-    """Return the velocity after a period, shape (cases, n)."""
-    nodes = [batch.position] * 3, [batch.velocity] * 3
-    for _ in range(1 if frozen else 3):
-        inverse, load = zip(*(_dynamics(system, q, v) for q, v in zip(*nodes, strict=True)), strict=True)
-        nodes = _integrate(batch, inverse, load, period, friction)
-    return nodes[1][2]
+def next_velocity(system: MechanicalSystem, batch: Batch, period: float, friction) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocity after a period, shape (cases, n), and what it is with inertia and load as at its beginning."""
+    now = _dynamics(system, batch.position, batch.velocity)
+    positions, velocities = _integrate(batch, [now[0]] * 3, [now[1]] * 3, period, friction)
+    frozen = velocities[2]
+    for _ in range(2):
+        later = [_dynamics(system, q, v) for q, v in zip(positions[1:], velocities[1:], strict=True)]
+        inverse, load = zip(now, *later, strict=True)
+        positions, velocities = _integrate(batch, inverse, load, period, friction)
+    return velocities[2], frozen
 
 
 def _dynamics(system: MechanicalSystem, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -225,15 +228,15 @@ def run(cases: int, seed: int, *, error: float = 0.0, report=None) -> Tally:
         filter_ = TorqueFilter(system, period=period, limits=limits)
         batch = draw(system, filter_, rng, min(CASES_EACH, cases - tally.cases), tally)
         friction = system.friction if not error else system.friction.scaled(1.0 + error * rng.choice([-1.0, 1.0]))
-        true = next_velocity(system, batch, period, friction)
-        frozen = next_velocity(system, batch, period, friction, frozen=True)
-        over = beyond(true, batch)
+        true, frozen = next_velocity(system, batch, period, friction)
+        over, by_friction = beyond(true, batch), beyond(frozen, batch)
         tally.cases += len(over)
         tally.arms[system.robot.name] += len(over)
         tally.beyond = max(tally.beyond, over.max())
-        tally.beyond_frozen = max(tally.beyond_frozen, beyond(frozen, batch).max())
-        change = np.abs(true - batch.velocity).max(axis=1)
-        tally.relative = max(tally.relative, (over / (change + 0.01)).max())
+        tally.beyond_frozen = max(tally.beyond_frozen, by_friction.max())
+        change = np.abs(true - batch.velocity).max(axis=1) + 0.01
+        tally.relative = max(tally.relative, (over / change).max())
+        tally.relative_frozen = max(tally.relative_frozen, (by_friction / change).max())
         for level in (1e-4, 1e-3, 1e-2, 1e-1):
             tally.above[level] += int((over > level).sum())
         if report is not None:
