@@ -113,22 +113,24 @@ static PyObject *expected_friction(PyObject *module, PyObject *const *arguments,
 }
 
 PyDoc_STRVAR(passed_velocities_doc,
-             "passed_velocities(velocity, lowest, highest, slow, fast)\n--\n\n"
-             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere;\n"
-             "up to 1e9.");
+             "passed_velocities(velocity, lowest, highest, room, slow, fast)\n--\n\n"
+             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere,\n"
+             "with room beyond the bounds; up to 1e9.");
 static PyObject *passed_velocities(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  npy_intp n = size_of(arguments, given, 5);
+  npy_intp n = size_of(arguments, given, 6);
   RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "lowest") &&
-                is_dense(arguments[2], n, "highest") && is_dense(arguments[3], 3 * n, "slow") &&
-                is_dense(arguments[4], 3 * n, "fast"));
+                is_dense(arguments[2], n, "highest") && is_dense(arguments[4], 3 * n, "slow") &&
+                is_dense(arguments[5], 3 * n, "fast"));
+  double room = PyFloat_AsDouble(arguments[3]);
+  if (PyErr_Occurred()) return NULL;
   const double *velocity = values_of(arguments[0]), *lowest = values_of(arguments[1]);
   const double *highest = values_of(arguments[2]);
-  double *slow = values_of(arguments[3]), *fast = values_of(arguments[4]);
+  double *slow = values_of(arguments[4]), *fast = values_of(arguments[5]);
   for (npy_intp i = 0; i < n; i++) {
     double v = velocity[i], low = lowest[i], high = highest[i];
-    slow[i] = v < high ? v : high, fast[i] = v > high ? v : high;
-    slow[n + i] = slow[2 * n + i] = v < low ? v : low, fast[n + i] = v > low ? v : low;
-    fast[2 * n + i] = fast[i];
+    double below = low - room, above = high + room;
+    slow[i] = v < high ? v : high, fast[i] = fast[2 * n + i] = v > above ? v : above;
+    slow[n + i] = slow[2 * n + i] = v < below ? v : below, fast[n + i] = v > low ? v : low;
     for (npy_intp k = i; k < 3 * n; k += n) slow[k] = clip(slow[k], -1e9, 1e9), fast[k] = clip(fast[k], -1e9, 1e9);
   }
   Py_RETURN_NONE;

@@ -62,13 +62,16 @@ def expected_friction(velocity: Array, damping: Array, viscous: Array, response:
     return torque
 
 
-def passed_velocities(velocity: Array, lowest: Array, highest: Array, slow: Array, fast: Array) -> None:
+def passed_velocities(
+    velocity: Array, lowest: Array, highest: Array, room: float, slow: Array, fast: Array
+) -> None:
     """Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere; 3n long each.
 
-    They are finite: up to 1e9.
+    They reach beyond the bounds by ``room``, and are finite: up to 1e9.
     """
-    slow[:] = np.clip(np.minimum(np.tile(velocity, 3), np.concatenate((highest, lowest, lowest))), -1e9, 1e9)
-    fast[:] = np.clip(np.maximum(np.tile(velocity, 3), np.concatenate((highest, lowest, highest))), -1e9, 1e9)
+    below, above = lowest - room, highest + room
+    slow[:] = np.clip(np.minimum(np.tile(velocity, 3), np.concatenate((highest, below, below))), -1e9, 1e9)
+    fast[:] = np.clip(np.maximum(np.tile(velocity, 3), np.concatenate((above, lowest, above))), -1e9, 1e9)
 
 
 def narrowed_bounds(

@@ -10,11 +10,15 @@ from phcontrol.mechanics.friction import DeclaredFriction, Friction
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety import kernels
 
+ROOM = 1e-3
+"""By how much a joint may leave its bounds without passing through other velocities than expected [rad/s]."""
+
 _SLOWEST = 1e-6  # speed at which a friction is sampled [rad/s]
 _FASTEST = 2.0  # likewise, in velocity limits
 _FAST = 100.0  # likewise, for a joint without one [rad/s]
 _SAMPLES = 400  # of each sign
 _ANY_SPEED = 1e9  # [rad/s]
+_ROOMS = (2.0, 8.0, np.inf)  # for joints that leave their bounds, in what they seem to leave them by
 _NEGLIGIBLE = 1e-3  # of a period's decay, below which its series is used
 
 
@@ -67,7 +71,7 @@ class FrictionPrediction:
         return kernels.expected_friction(velocity, damping, self.viscous, response)
 
     def narrowed(
-        self, velocity: Array, expected: Array, response: Array, lowest: Array, highest: Array
+        self, velocity: Array, expected: Array, response: Array, lowest: Array, highest: Array, room: float = ROOM
     ) -> tuple[Array, Array, bool]:
         """Return the bounds of the next velocity *as predicted with* ``expected`` that keep the true one in its bounds.
 
@@ -79,29 +83,35 @@ class FrictionPrediction:
             response: h(M + hθF_v)⁻¹, shape (n, n).
             lowest: l [rad/s].
             highest: b [rad/s].
+            room: by how much the next velocities may be outside l and b [rad/s].
         """
-        kernels.passed_velocities(velocity, lowest, highest, self._slow.ravel(), self._fast.ravel())
-        return self._narrowed(expected, response, lowest, highest)
-
-    def excess(
-        self, velocity: Array, expected: Array, response: Array, lowest: Array, highest: Array, following: Array
-    ) -> float:
-        """Return by how much the true next velocity may leave its bounds where ``following`` is predicted [rad/s]."""
-        spread = np.abs(response).dot(self._most + np.abs(expected))
-        slow, fast = self._slow, self._fast
-        slow[:] = np.minimum(velocity, following - spread)
-        fast[:] = np.maximum(velocity, following + spread)
-        np.minimum(velocity, highest, out=slow[0])  # a joint that leaves a bound has been on the way to it
-        np.maximum(velocity, lowest, out=fast[1])
-        least, most, _ = self._narrowed(expected, response, lowest, highest)
-        return kernels.bound_excess(following, least, most)
-
-    def _narrowed(
-        self, expected: Array, response: Array, lowest: Array, highest: Array
-    ) -> tuple[Array, Array, bool]:
-        """Return the narrowed bounds for the velocities that have been written down."""
+        kernels.passed_velocities(velocity, lowest, highest, room, self._slow.ravel(), self._fast.ravel())
         least, most = self._model.dry_torque_range(self._slow, self._fast)
         return kernels.narrowed_bounds(response, expected, least.ravel(), most.ravel(), lowest, highest)
+
+    def excess(
+        self,
+        velocity: Array,
+        expected: Array,
+        response: Array,
+        lowest: Array,
+        highest: Array,
+        following: Array,
+        first: float,
+    ) -> float:
+        """Return by how much the true next velocity may leave its bounds where ``following`` is predicted [rad/s].
+
+        ``first`` is by how much ``following`` leaves the narrowed bounds, which hold as far as no joint leaves its own
+        by more than ``ROOM``. For more than that the room grows until what friction may do with it stays inside.
+        """
+        room, found = ROOM, first
+        for factor in _ROOMS:
+            if found <= room:
+                break
+            room = factor * first
+            narrow_low, narrow_high, _ = self.narrowed(velocity, expected, response, lowest, highest, room)
+            found = kernels.bound_excess(following, narrow_low, narrow_high)
+        return found
 
 
 class _SampledFriction:

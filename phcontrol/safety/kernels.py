@@ -2,7 +2,7 @@
 
     speed_bounds(q, v, h, edges, α, j, v_max, τ_r, v_r)        the lowest and the highest next velocity (``Limits``)
     expected_friction(v, d, F_v, hA)                           the dry friction torque of joints that nothing else moves
-    passed_velocities(v, v_min, v_max, slow, fast)             writes between which velocities a period can pass
+    passed_velocities(v, v_min, v_max, room, slow, fast)       writes between which velocities a period can pass
     narrowed_bounds(hA, s, s_min, s_max, v_min, v_max)         the same less what friction may do, and if any contradict
     bound_excess(v, v_min, v_max)                              by how much a velocity leaves its bounds
     motion_rows(E, reach, centre, drift, …, rows, lower, upper)  writes l ≤ C z ≤ u for the next velocity

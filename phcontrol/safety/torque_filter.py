@@ -15,7 +15,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
 from phcontrol.safety.filter_status import FilterStatus
-from phcontrol.safety.friction_prediction import FrictionPrediction
+from phcontrol.safety.friction_prediction import ROOM, FrictionPrediction
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
@@ -27,7 +27,6 @@ _FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is ta
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
-_SEEN = 1e-9  # excess from which on the velocities passed are no longer those inside the bounds [rad/s]
 _NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
 
 
@@ -358,10 +357,12 @@ class TorqueFilter:
             else:
                 found = without
         self.counts[found.status] += 1
-        if self._dry is None or not found.motion_excess > _SEEN:
+        if self._dry is None or not found.motion_excess > ROOM:
             return found
         reached = drift + effect.dot(found.torque)
-        excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached)
+        excess = self._dry.excess(
+            x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess
+        )
         return found._replace(motion_excess=excess)
 
     def _box(self, low: Array, high: Array) -> _Box:

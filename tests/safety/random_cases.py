@@ -156,9 +156,10 @@ def reference_friction(system, period, M, v, lowest, highest):
     narrow_low, narrow_high = lowest.copy(), highest.copy()
     for i in range(n):
         for j in range(n):
-            a, b = range_of(j, v[j], lowest[j], highest[j])
+            a, b = range_of(j, v[j], lowest[j] - 1e-3, highest[j] + 1e-3)
             if i == j:
-                a, b = range_of(j, v[j], highest[j])[0], range_of(j, v[j], lowest[j])[1]
+                a = range_of(j, v[j], highest[j], highest[j] + 1e-3)[0]
+                b = range_of(j, v[j], lowest[j], lowest[j] - 1e-3)[1]
             kicks = response[i, j] * (expected[j] - a), response[i, j] * (expected[j] - b)
             if i == j:
                 narrow_high[i] -= kicks[0]
