@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ class Friction(Protocol):
         ...
 
 
+@runtime_checkable
 class DeclaredFriction(Friction, Protocol):
     """A friction d(w)w = F_v w + s(w) that says what its dry part s, odd and opposed to w, can be."""
 

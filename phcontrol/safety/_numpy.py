@@ -62,9 +62,7 @@ def expected_friction(velocity: Array, damping: Array, viscous: Array, response:
     return torque
 
 
-def passed_velocities(
-    velocity: Array, lowest: Array, highest: Array, room: float, slow: Array, fast: Array
-) -> None:
+def passed_velocities(velocity: Array, lowest: Array, highest: Array, room: float, slow: Array, fast: Array) -> None:
     """Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere; 3n long each.
 
     They reach beyond the bounds by ``room``, and are finite: up to 1e9.

@@ -1,4 +1,4 @@
-"""What friction may do to the next velocity: viscous friction is predicted, of dry friction only an interval is known."""
+"""What friction may do to the next velocity: viscous friction is predicted, dry friction is bounded."""
 
 from __future__ import annotations
 
@@ -52,9 +52,8 @@ class FrictionPrediction:
     def __init__(self, system: MechanicalSystem, period: float, velocity_limit: Array) -> None:
         friction, n = system.friction, system.n
         assert friction is not None
-        model: DeclaredFriction = (
-            friction if hasattr(friction, "dry_torque_range") else _SampledFriction(friction, velocity_limit)
-        )
+        declared = isinstance(friction, DeclaredFriction)
+        model: DeclaredFriction = friction if declared else _SampledFriction(friction, velocity_limit)
         self._model = model
         self.viscous: Array = np.array(np.broadcast_to(model.viscous, n), dtype=float)
         """F_v, shape (n,) [N·m·s/rad]."""

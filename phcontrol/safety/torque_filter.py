@@ -51,10 +51,10 @@ class _Motion(NamedTuple):
     """Its Cholesky factor."""
     force: Array
     """f_e − C q̇ − F_v q̇ − s − ∂V/∂q [N·m]: what moves the arm beside the motors."""
-    response: Array | None
-    """h(M + hθF_v)⁻¹, and"""
+    response: Array
+    """h(M + hθF_v)⁻¹, where there is dry friction."""
     dry: Array
-    """s: the dry friction that is expected [N·m]; None and zeros where there is none."""
+    """s: the dry friction that is expected [N·m]."""
 
 
 class _Bounds(NamedTuple):
@@ -226,10 +226,10 @@ class TorqueFilter:
             matrix = matrix.copy()
             matrix.ravel(order="K")[:: self.system.n + 1] += friction.implicit
         factor = lapack.dpotrf(matrix.T, 1)[0]
-        response, dry = None, self._zero
+        response = dry = self._zero
         if self._dry is not None:
             response = self._response(factor, self._identity)
-            dry = self._dry.expected(x.velocity, x.damping, response)
+            dry = self._dry.expected(x.velocity, x.damping, response)  # type: ignore[arg-type]  # there is friction
             force += dry
         np.negative(force, out=force)
         if external_force is not None:
@@ -319,8 +319,9 @@ class TorqueFilter:
         farthest = _FARTHEST * reach
         wish = np.minimum(np.maximum(wish, centre - farthest), centre + farthest)
         matrix = self.system.input_matrix
-        effect = motion.response if matrix is None else None
-        if effect is None:
+        if self._dry is not None and matrix is None:
+            effect = motion.response
+        else:
             effect = self._response(motion.factor, self._identity if matrix is None else matrix)
         drift = velocity - effect.dot(clipped)  # the next velocity without motors
         rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
@@ -360,9 +361,7 @@ class TorqueFilter:
         if self._dry is None or not found.motion_excess > ROOM:
             return found
         reached = drift + effect.dot(found.torque)
-        excess = self._dry.excess(
-            x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess
-        )
+        excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess)
         return found._replace(motion_excess=excess)
 
     def _box(self, low: Array, high: Array) -> _Box:

@@ -3,9 +3,9 @@
     python -m tests.safety.random_cases --cases 1000000 --seed 1
 
 Everything the filter computes is computed here a second time, in torques that are not scaled, from Pinocchio's M, C
-and g: the predicted velocity, what friction may do to it, its bounds, the braking torque, and the answer. DAQP solves quadratic programs; the
-multiplier μ of the storage condition P(u) ≤ P_max, a parabola, is found as a root: with μP in the objective the
-answer's P falls as μ grows.
+and g: the predicted velocity, what friction may do to it, its bounds, the braking torque, and the answer. DAQP solves
+quadratic programs; the multiplier μ of the storage condition P(u) ≤ P_max, a parabola, is found as a root: with μP in
+the objective the answer's P falls as μ grows.
 """
 
 from __future__ import annotations

@@ -15,10 +15,9 @@ from phcontrol import (
     StribeckFriction,
     TorqueFilter,
     load_robot,
-    make_controller,
-    simulate,
 )
 from phcontrol.safety.friction_prediction import FrictionPrediction
+from tests.safety.friction_loops import limits_of, loop
 from tests.safety.true_motion import arm, by_forward_dynamics, run
 
 PERIOD = 1e-3
@@ -81,25 +80,11 @@ def test_the_judge_agrees_with_forward_dynamics():
 @pytest.mark.parametrize("torque_rate", [None, 3000.0, 1000.0, 300.0])
 @pytest.mark.parametrize("name", ["z1", "xarm7", "tiago", "talos_arm", "panda"])
 def test_a_closed_loop_keeps_its_velocity_limits(name, torque_rate):
-    """Energy shaping to a goal outside the limits, the plant in steps of 0.1 ms: speeds were up to 3 times the limit."""
+    """Energy shaping to a goal outside the limits, the plant in steps of 0.1 ms: it came to 3 times its limits."""
     system = arm(name, coulomb=2.0)
-    robot = system.robot
-    limits = Limits(
-        system,
-        torque_rate=torque_rate,
-        velocity=0.8 * robot.velocity_limit,  # at full speed the load of the tiago changes by 350 N·m/s
-        braking_acceleration=10.0 if name in ("tiago", "talos_arm") else None,  # the motors cannot hold them everywhere
-    )
-    log = simulate(
-        system,
-        make_controller("energy_shaping", system, robot.upper + 0.1),
-        duration=0.25,
-        dt=1e-4,
-        q0=0.5 * (robot.lower + robot.upper),
-        torque_limit=None,
-        torque_filter=TorqueFilter(system, period=PERIOD, limits=limits),
-        progress=False,
-    )
+    # at full speed the load of the tiago changes by 350 N·m/s
+    limits = limits_of(system, torque_rate, velocity=0.8 * system.robot.velocity_limit)
+    log = loop(system, limits, duration=0.25)
     fastest = (np.abs(log.velocity) / limits.velocity).max()
     assert fastest <= 1.0 + (FINE if torque_rate is None else TURNING)
     assert fastest >= 0.9
@@ -213,3 +198,12 @@ def test_a_joint_without_a_velocity_limit_may_have_dry_friction(pera):
     limits = Limits(pera, velocity=np.inf, lower=-np.inf, upper=np.inf, braking_acceleration=1.0)
     result = TorqueFilter(pera, period=PERIOD, limits=limits).filter(middle_of(pera), np.full(7, 5.0))
     assert (result.status, result.motion_excess) == (FilterStatus.PASSED, 0.0)
+
+
+def test_a_filter_that_knows_the_least_friction_keeps_the_limits_with_more():
+    """Friction 30 % less and 30 % more than the law's model, the filter's being the least of both."""
+    system = arm("xarm7")
+    for error in (-0.3, 0.3):
+        for torque_rate in (None, 1000.0):
+            log = loop(system, limits_of(system, torque_rate), seed=1, error=error, model=0.7, duration=0.3)
+            assert (np.abs(log.velocity) / system.robot.velocity_limit).max() <= 1.03

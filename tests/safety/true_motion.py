@@ -144,7 +144,7 @@ def _box(limits: Limits) -> tuple[np.ndarray, np.ndarray]:
 
 
 def next_velocity(system: MechanicalSystem, batch: Batch, period: float, friction) -> tuple[np.ndarray, np.ndarray]:
-    """Return the velocity after a period, shape (cases, n), and what it is with inertia and load as at its beginning."""
+    """Return the velocity after a period, shape (cases, n), and the same with inertia and load as at its beginning."""
     now = _dynamics(system, batch.position, batch.velocity)
     positions, velocities = _integrate(batch, [now[0]] * 3, [now[1]] * 3, period, friction)
     frozen = velocities[2]
