@@ -52,9 +52,8 @@ class FrictionPrediction:
     def __init__(self, system: MechanicalSystem, period: float, velocity_limit: Array) -> None:
         friction, n = system.friction, system.n
         assert friction is not None
-        declared = isinstance(friction, DeclaredFriction)
-        model: DeclaredFriction = friction if declared else _SampledFriction(friction, velocity_limit)
-        self._model = model
+        model = friction if isinstance(friction, DeclaredFriction) else _SampledFriction(friction, velocity_limit)
+        self._model: DeclaredFriction = model
         self.viscous: Array = np.array(np.broadcast_to(model.viscous, n), dtype=float)
         """F_v, shape (n,) [N·m·s/rad]."""
         mobility = np.linalg.inv(system.at(system.robot.home).mass_matrix).diagonal()

@@ -37,7 +37,7 @@ class FilteredTorque(NamedTuple):
     """u, shape (n,) [N·m], exactly inside effort and rate limits."""
     status: FilterStatus
     motion_excess: float
-    """By how much the predicted next velocity leaves its bounds, ≥ 0 [rad/s]: 0 wherever the motors can do it."""
+    """By how much the next velocity may leave its bounds, whatever dry friction does, ≥ 0 [rad/s]."""
     storage_excess: float
     """By how much the mean rate of H_d in the period exceeds what :class:`StorageCondition` allows, ≥ 0 [W]."""
 
@@ -97,8 +97,10 @@ class TorqueFilter:
         3. v_min ≤ v⁺ ≤ v_max                          as far as the motors can keep it
         4. P(u) ≤ max(0, P(u★))                        unless 1 to 3 forbid it
 
-    v⁺ = q̇ + h(M + hD)⁻¹(G u + f_e − C q̇ − D q̇ − ∂V/∂q) is the velocity after one period h, and its bounds are those of
-    :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position limits.
+    v⁺ = q̇ + h(M + hθF_v)⁻¹(G u + f_e − C q̇ − F_v q̇ − s − ∂V/∂q) is the velocity after one period h, and its bounds are
+    those of :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position
+    limits. F_v is the viscous friction, and of the dry friction s only an interval is known: 3 is asked for with the s
+    that is worst for each bound (:class:`FrictionPrediction`), ``motion_excess`` is told for the worst.
     P is the mean rate of H_d over the period, but for the power of f_e, see :class:`StorageCondition`: by 4 the storage
     function still does not grow by itself.
 
@@ -106,6 +108,16 @@ class TorqueFilter:
     (:class:`LeastExcess`: least squares, relative to what the motors can do to each joint's velocity). So 1 to 3 always
     have a solution. Where 4 cannot be kept, the answer weighs P with 10⁶ against the scaled distance, which brings it
     to the smallest excess there is.
+
+    How far the velocity can be beyond its bounds all the same, the reported excess included: by what inertia, load and
+    an unknown force do within a period, seen up to @REL@ % of the fastest joint's change of velocity in one period
+    (``python -m tests.safety.true_motion``). In closed loops speeds kept within 1.001 of their limits without a torque
+    rate; with one, another joint's friction that turns brings them to @RATE@, which is reported. That is for a friction
+    that is not less than the model's. **Friction that the arm lacks accelerates it**: with 30 % less than the model's,
+    speeds came to 1.13 of their limits, and with a torque rate to several times those, since the motors cannot turn by
+    what is missing. So give the filter a system with the least friction that the arm may have
+    (``StribeckFriction.scaled``): with 0.7 of the nominal one and a plant with 0.7 to 1.3 of it, speeds stayed within
+    @LEAST@ (``python -m tests.safety.friction_loops --model 0.7 --error 0.3``).
 
     Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise :class:`TorqueProgram` solves the scaled
     problem, started from its last answer; the residual of the optimality conditions is checked, and an answer that
