@@ -110,7 +110,7 @@ class TorqueFilter:
     to the smallest excess there is.
 
     How far the true velocity can be beyond bounds and reported excess all the same: by what inertia, load and unknown
-    forces do within a period, seen up to 2 % of the fastest joint's change of velocity in it (``python -m
+    forces do within a period, seen up to 2.4 % of the fastest joint's change of velocity in it (``python -m
     tests.safety.true_motion``). In closed loops of arms with dry friction speeds kept within 1.001 of their limits
     without a torque rate. With one, another joint's friction that turns brought them to 1.007, and on a Panda with 2 to
     3 N·m of it to 1.04, which was reported (``python -m tests.safety.friction_loops --seeds 3``).
@@ -118,8 +118,8 @@ class TorqueFilter:
     That is for a friction that is not less than the model's. **Friction that the arm lacks accelerates it**: with 30 %
     less, speeds came to 1.13 of their limits, and with a torque rate to several times those, since the motors cannot
     turn by what is missing (``--error -0.3``). So give the filter a system with the least friction that the arm may
-    have (``StribeckFriction.scaled``): with 0.7 of the nominal one, on plants with 0.7 and with 1.3 of it, speeds stayed
-    within 1.03 (``--model 0.7 --error 0.3``).
+    have (``StribeckFriction.scaled``): with 0.7 of the nominal one, on plants with 0.7 and with 1.3 of it, speeds
+    stayed within 1.03 (``--model 0.7 --error 0.3``).
 
     Most of the time u★ passes, or its projection on 1 and 2 does. Otherwise :class:`TorqueProgram` solves the scaled
     problem, started from its last answer; the residual of the optimality conditions is checked, and an answer that
