@@ -41,7 +41,7 @@ from phcontrol.exceptions import (
     UnknownNameError,
     UnreachableTargetError,
 )
-from phcontrol.mechanics.friction import StribeckFriction
+from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
@@ -100,6 +100,7 @@ __all__ = [
     "Controller",
     "CubicSpline",
     "DataFileError",
+    "DeclaredFriction",
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,25 @@ from phcontrol.exceptions import InvalidArgumentError
 
 
 class Friction(Protocol):
-    """What a system needs of a friction model."""
+    """What a system needs of a friction model.
+
+    A :class:`DeclaredFriction` says more, and costs the torque filter less room.
+    """
 
     def coefficients(self, velocity: Array) -> Array:
         """Return dᵢ(q̇ᵢ) ≥ 0, shape (n,) [N·m·s/rad]."""
+        ...
+
+
+@runtime_checkable
+class DeclaredFriction(Friction, Protocol):
+    """A friction d(w)w = F_v w + s(w) that says what its dry part s, odd and opposed to w, can be."""
+
+    viscous: Array
+    """F_v, one for all joints or one each [N·m·s/rad]."""
+
+    def dry_torque_range(self, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return bounds of sᵢ(w) for all w from lowestᵢ to highestᵢ, shapes (…, n) all four [rad/s, N·m]."""
         ...
 
 
@@ -79,6 +94,23 @@ class StribeckFriction:
         np.divide(dry, coefficients, coefficients)
         coefficients += self.viscous
         return coefficients
+
+    def dry_torque_range(self, lowest: Array, highest: Array) -> tuple[Array, Array]:
+        """Return bounds of (d(w) − F_v)w for all w from ``lowest`` to ``highest``, shapes (…, n) all four [N·m].
+
+        Of the two factors w / sqrt(α_f + w²), which rises with w, and F_c + (F_s − F_c) exp(−|w|/q̇_s), which falls
+        with |w|, each is bounded by itself: exact without a Stribeck effect.
+        """
+        least: Array = lowest / np.hypot(lowest, self._smoothing_velocity)
+        most: Array = highest / np.hypot(highest, self._smoothing_velocity)
+        if not self._has_stribeck:
+            return self.coulomb * least, self.coulomb * most
+        slowest = np.maximum(np.maximum(lowest, -highest), 0.0)
+        at_least = np.where(lowest > 0.0, highest, slowest)
+        at_most = np.where(highest < 0.0, -lowest, slowest)
+        least *= self.coulomb + self._excess * np.exp(at_least * self._negative_rate)
+        most *= self.coulomb + self._excess * np.exp(at_most * self._negative_rate)
+        return least, most
 
     def scaled(self, factor: float) -> StribeckFriction:
         """Return this friction with all its torques times ``factor``: a model that is wrong by that much."""

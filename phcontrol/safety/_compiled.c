@@ -91,6 +91,88 @@ static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_s
   return result;
 }
 
+PyDoc_STRVAR(expected_friction_doc, "expected_friction(velocity, damping, viscous, response)\n--\n\n"
+                                    "Return the dry torque of joints that nothing else moves.");
+static PyObject *expected_friction(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 4);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "damping") &&
+                is_dense(arguments[2], n, "viscous") && is_doubles(arguments[3], 2, n, "response"));
+  const double *velocity = values_of(arguments[0]), *damping = values_of(arguments[1]);
+  const double *viscous = values_of(arguments[2]);
+  PyArrayObject *response = (PyArrayObject *)arguments[3];
+  npy_intp step = PyArray_STRIDE(response, 0) + PyArray_STRIDE(response, 1);
+  const char *own = PyArray_BYTES(response);
+  double *torque;
+  PyObject *result = new_vector(n, &torque);
+  if (result == NULL) return NULL;
+  for (npy_intp i = 0; i < n; i++) {
+    double dry = damping[i] - viscous[i];
+    torque[i] = dry * velocity[i] / (1.0 + *(const double *)(own + i * step) * dry);
+  }
+  return result;
+}
+
+PyDoc_STRVAR(passed_velocities_doc,
+             "passed_velocities(velocity, lowest, highest, room, slow, fast)\n--\n\n"
+             "Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere,\n"
+             "with room beyond the bounds; up to 1e9.");
+static PyObject *passed_velocities(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 6);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_dense(arguments[1], n, "lowest") &&
+                is_dense(arguments[2], n, "highest") && is_dense(arguments[4], 3 * n, "slow") &&
+                is_dense(arguments[5], 3 * n, "fast"));
+  double room = PyFloat_AsDouble(arguments[3]);
+  if (PyErr_Occurred()) return NULL;
+  const double *velocity = values_of(arguments[0]), *lowest = values_of(arguments[1]);
+  const double *highest = values_of(arguments[2]);
+  double *slow = values_of(arguments[4]), *fast = values_of(arguments[5]);
+  for (npy_intp i = 0; i < n; i++) {
+    double v = velocity[i], low = lowest[i], high = highest[i];
+    double below = low - room, above = high + room;
+    slow[i] = v < high ? v : high, fast[i] = fast[2 * n + i] = v > above ? v : above;
+    slow[n + i] = slow[2 * n + i] = v < below ? v : below, fast[n + i] = v > low ? v : low;
+    for (npy_intp k = i; k < 3 * n; k += n) slow[k] = clip(slow[k], -1e9, 1e9), fast[k] = clip(fast[k], -1e9, 1e9);
+  }
+  Py_RETURN_NONE;
+}
+
+PyDoc_STRVAR(narrowed_bounds_doc,
+             "narrowed_bounds(response, expected, least, most, lowest, highest)\n--\n\n"
+             "Return the bounds for a velocity predicted with the expected friction torque, whatever the true one\n"
+             "does, and whether some are contradictory.");
+static PyObject *narrowed_bounds(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 6);
+  RETURN_UNLESS(n >= 0 && is_doubles(arguments[0], 2, n, "response") && is_dense(arguments[1], n, "expected") &&
+                is_dense(arguments[2], 3 * n, "least") && is_dense(arguments[3], 3 * n, "most") &&
+                is_dense(arguments[4], n, "lowest") && is_dense(arguments[5], n, "highest"));
+  const double *expected = values_of(arguments[1]), *own_least = values_of(arguments[2]);
+  const double *least = own_least + 2 * n, *most = (const double *)values_of(arguments[3]) + 2 * n, *own_most = most - n;
+  const double *lowest = values_of(arguments[4]), *highest = values_of(arguments[5]);
+  Workspace space;
+  if (!workspace_open(&space, n * n)) return NULL;
+  double *A = workspace_take(&space, n * n), *low, *high;
+  int contrary = 0;
+  read_matrix(arguments[0], n, A);
+  PyObject *narrow_low = new_vector(n, &low), *narrow_high = new_vector(n, &high), *result = NULL;
+  if (narrow_low != NULL && narrow_high != NULL) {
+    for (npy_intp i = 0; i < n; i++) {
+      double shift = 0.0, spread = 0.0, own = A[i * n + i];
+      for (npy_intp j = 0; j < n; j++) {
+        shift += A[i * n + j] * (expected[j] - 0.5 * (least[j] + most[j]));
+        spread += fabs(A[i * n + j]) * 0.5 * (most[j] - least[j]);
+      }
+      low[i] = lowest[i] + (spread - shift - own * (most[i] - own_most[i]));
+      high[i] = highest[i] - (spread + shift - own * (own_least[i] - least[i]));
+      if (low[i] > high[i]) contrary = 1;
+    }
+    result = PyTuple_Pack(3, narrow_low, narrow_high, contrary ? Py_True : Py_False);
+  }
+  Py_XDECREF(narrow_low);
+  Py_XDECREF(narrow_high);
+  workspace_close(&space);
+  return result;
+}
+
 PyDoc_STRVAR(bound_excess_doc, "bound_excess(velocity, lowest, highest)\n--\n\n"
                                "Return by how much a velocity leaves its bounds, 0 inside; NaN when there is one inside.");
 static PyObject *bound_excess(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
@@ -317,7 +399,8 @@ done:
 
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {
-    METHOD(speed_bounds), METHOD(bound_excess), METHOD(motion_rows), METHOD(residuals), METHOD(active_set_step), {NULL, NULL, 0, NULL}};
+    METHOD(speed_bounds),    METHOD(expected_friction), METHOD(passed_velocities), METHOD(narrowed_bounds), METHOD(bound_excess),   METHOD(motion_rows),
+    METHOD(residuals),       METHOD(active_set_step), {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",
                                         "The small linear algebra of the torque filter, compiled.", -1, methods};

@@ -55,6 +55,39 @@ def _anticipating(bound: Array, speed: Array, period: float, jerk: Array) -> Arr
     return result
 
 
+def expected_friction(velocity: Array, damping: Array, viscous: Array, response: Array) -> Array:
+    """Return the dry torque (d − F_v)v of joints that nothing else moves, implicit in their own velocities."""
+    dry = damping - viscous
+    torque: Array = dry * velocity / (1.0 + response.diagonal() * dry)
+    return torque
+
+
+def passed_velocities(velocity: Array, lowest: Array, highest: Array, room: float, slow: Array, fast: Array) -> None:
+    """Write the ends of the velocities passed towards the upper bound, towards the lower, and anywhere; 3n long each.
+
+    They reach beyond the bounds by ``room``, and are finite: up to 1e9.
+    """
+    below, above = lowest - room, highest + room
+    slow[:] = np.clip(np.minimum(np.tile(velocity, 3), np.concatenate((highest, below, below))), -1e9, 1e9)
+    fast[:] = np.clip(np.maximum(np.tile(velocity, 3), np.concatenate((above, lowest, above))), -1e9, 1e9)
+
+
+def narrowed_bounds(
+    response: Array, expected: Array, least: Array, most: Array, lowest: Array, highest: Array
+) -> tuple[Array, Array, bool]:
+    """Return the bounds for a velocity predicted with the expected friction torque, whatever the true one does.
+
+    ``least`` and ``most`` are for the passed velocities, 3n long. Also return whether some bounds are contradictory.
+    """
+    n = expected.size
+    low, high = least[2 * n :], most[2 * n :]
+    shift, spread = response.dot(expected - 0.5 * (low + high)), np.abs(response).dot(0.5 * (high - low))
+    own = response.diagonal()
+    narrow_low: Array = lowest + (spread - shift - own * (high - most[n : 2 * n]))
+    narrow_high: Array = highest - (spread + shift - own * (least[:n] - low))
+    return narrow_low, narrow_high, bool((narrow_low > narrow_high).any())
+
+
 def bound_excess(velocity: Array, lowest: Array, highest: Array) -> float:
     """Return by how much a velocity leaves its bounds, 0 inside; NaN when there is one inside."""
     return max(float(np.maximum(velocity - highest, lowest - velocity).max()), 0.0)

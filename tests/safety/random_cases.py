@@ -3,9 +3,9 @@
     python -m tests.safety.random_cases --cases 1000000 --seed 1
 
 Everything the filter computes is computed here a second time, in torques that are not scaled, from Pinocchio's M, C
-and g: the predicted velocity, its bounds, the braking torque, and the answer. DAQP solves quadratic programs; the
-multiplier μ of the storage condition P(u) ≤ P_max, a parabola, is found as a root: with μP in the objective the
-answer's P falls as μ grows.
+and g: the predicted velocity, what friction may do to it, its bounds, the braking torque, and the answer. DAQP solves
+quadratic programs; the multiplier μ of the storage condition P(u) ≤ P_max, a parabola, is found as a root: with μP in
+the objective the answer's P falls as μ grows.
 """
 
 from __future__ import annotations
@@ -101,24 +101,73 @@ def reference_case(system, limits, period, q, v, wish, previous, force, port) ->
     load = pin.computeCoriolisMatrix(model, data, q, v) @ v + pin.computeGeneralizedGravity(model, data, q)
     for potential in system.potentials:
         load = load + potential.gradient(q)
-    D = np.zeros_like(M) if system.friction is None else np.diag(system.friction.coefficients(v))
     G = np.eye(system.n) if system.input_matrix is None else system.input_matrix
-    solve = np.linalg.inv(M + period * D)
-    effect, drift = period * solve @ G, v + period * solve @ (force - load - D @ v)
+    lowest, highest = outer = reference_bounds(limits, period, q, v)
+    inertia = M
+    if system.friction is not None:
+        inertia, torque, lowest, highest = reference_friction(system, period, M, v, lowest, highest)
+        load = load + torque
+    solve = np.linalg.inv(inertia)
+    effect, drift = period * solve @ G, v + period * solve @ (force - load)
     low, high = -limits.effort, limits.effort
     if previous is not None:
         middle, reach = np.clip(previous, low, high), period * limits.torque_rate
         low, high = np.maximum(low, middle - reach), np.minimum(high, middle + reach)
-    lowest, highest = reference_bounds(limits, period, q, v)
+    for i in np.flatnonzero(lowest > highest):
+        at_upper, at_lower = v[i] > outer[1][i], v[i] < outer[0][i]
+        target = highest[i] if at_upper else lowest[i] if at_lower else (lowest[i] + highest[i]) / 2
+        lowest[i] = highest[i] = target
     slower = np.minimum(np.abs(v) / 0.1, limits.braking_acceleration) * period
     goal = np.clip(v - np.sign(v) * slower, lowest, highest)
-    braking = np.linalg.solve(G, (M + period * D) @ (goal - v) / period - (force - load - D @ v))
+    braking = np.linalg.solve(G, inertia @ (goal - v) / period - (force - load))
     braking = np.clip(braking, low, high)
     reached, sizes = drift + effect @ braking, np.linalg.norm(effect * (high - low) / 2, axis=1)
     if ((reached > highest + 1e-4 * sizes) | (reached < lowest - 1e-4 * sizes)).any():
         reached = least_excess(effect, drift, (low, high), (lowest, highest), sizes, braking)
     widened = np.minimum(lowest, reached - 1e-4 * sizes), np.maximum(highest, reached + 1e-4 * sizes)
     return Case(effect, drift, (low, high), widened, wish, drift - v, G, port, limits.effort)
+
+
+def reference_friction(system, period, M, v, lowest, highest):
+    """Return M + hθF_v, the friction torque expected, and the bounds less what friction may do beside that."""
+    friction, n = system.friction, system.n
+    viscous = np.broadcast_to(friction.viscous, n)
+    x = period * viscous * np.linalg.inv(pin.crba(system.model, system.data, system.robot.home)).diagonal()
+    implicit = np.where(x > 0.01, 1.0 / (1.0 - np.exp(-x)) - 1.0 / x, 0.5 + x / 12.0)  # the next term is x³/720
+    inertia = M + np.diag(period * implicit * viscous)
+    response = period * np.linalg.inv(inertia)
+
+    def most_torque(joint, *speeds):
+        """Return the largest sign and the largest size of the dry torque at velocities between the given ones."""
+        a, b = min(speeds), max(speeds)
+        static, coulomb, slow = (np.broadcast_to(part, n)[joint] for part in (
+            friction.static, friction.coulomb, friction.stribeck_velocity))  # fmt: skip
+        if b >= 0.0:
+            size = coulomb + (static - coulomb) * np.exp(-max(a, 0.0) / slow)
+        else:
+            size = coulomb + (static - coulomb) * np.exp(a / slow)
+        return size * b / np.sqrt(friction.smoothing + b * b)
+
+    def range_of(joint, *speeds):
+        return -most_torque(joint, *(-w for w in speeds)), most_torque(joint, *speeds)
+
+    excess = friction.coefficients(v) - viscous
+    expected = excess * v / (1.0 + response.diagonal() * excess)
+    narrow_low, narrow_high = lowest.copy(), highest.copy()
+    for i in range(n):
+        for j in range(n):
+            a, b = range_of(j, v[j], lowest[j] - 1e-3, highest[j] + 1e-3)
+            if i == j:
+                a = range_of(j, v[j], highest[j], highest[j] + 1e-3)[0]
+                b = range_of(j, v[j], lowest[j], lowest[j] - 1e-3)[1]
+            kicks = response[i, j] * (expected[j] - a), response[i, j] * (expected[j] - b)
+            if i == j:
+                narrow_high[i] -= kicks[0]
+                narrow_low[i] -= kicks[1]
+            else:
+                narrow_high[i] -= max(kicks)
+                narrow_low[i] -= min(kicks)
+    return inertia, viscous * v + expected, narrow_low, narrow_high
 
 
 def reference_bounds(limits, period, q, v) -> tuple[np.ndarray, np.ndarray]:

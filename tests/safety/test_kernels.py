@@ -188,5 +188,60 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         compiled.active_set_step(*problem, z, forces[:-1])
     with pytest.raises(TypeError, match="takes 9"):
         compiled.residuals(*problem, z)
+    with pytest.raises(ValueError, match="least"):
+        compiled.narrowed_bounds(np.eye(n), z, z, z, z, z)
+    with pytest.raises(ValueError, match="slow"):
+        compiled.passed_velocities(z, z, z, 0.0, np.zeros(n + 1), np.zeros(3 * n))
+    with pytest.raises(ValueError, match="response"):
+        compiled.expected_friction(z, z, z, np.eye(n + 1))
     with pytest.raises(ValueError, match="edges"):
         compiled.speed_bounds(z, z, 1e-3, z, z, z, z, 0.05, z)
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 8))
+def test_narrowed_bounds_hold_for_every_friction_in_its_range(kernels, seed, size):
+    """At the narrowed bounds, the worst corner of the torques' ranges just reaches the true ones, joint by joint."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(size, size))
+    response = np.asfortranarray(np.eye(size) + root @ root.T)
+    expected, lowest, highest = rng.normal(size=size), -rng.uniform(0.1, 2.0, size), rng.uniform(0.1, 2.0, size)
+    ends = np.sort(rng.normal(size=(2, size)), axis=0)
+    inside = ends[0] + rng.uniform(size=(2, 2, size)) * (ends[1] - ends[0])
+    least = np.vstack([*inside.min(axis=1), ends[0]])  # towards either bound each joint's own is known better
+    most = np.vstack([*inside.max(axis=1), ends[1]])
+    low, high, contrary = kernels.narrowed_bounds(response, expected, least.ravel(), most.ravel(), lowest, highest)
+    assert contrary == bool((low > high).any())
+    for i in range(size):
+        corners = np.array(np.meshgrid(*zip(ends[0], ends[1], strict=True))).reshape(size, -1)
+        for bound, true, own, side in ((high, highest, least[0], 1.0), (low, lowest, most[1], -1.0)):
+            corners[i] = own[i]
+            reached = bound[i] + response[i] @ (expected[:, None] - corners)
+            assert (side * reached).max() == pytest.approx(side * true[i], abs=1e-9)
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 8), room=st.sampled_from([0.0, 1e-3, 0.5, np.inf]))
+def test_the_velocities_passed_are_those_between_now_and_the_bounds(kernels, seed, size, room):
+    rng = np.random.default_rng(seed)
+    v, low, high = rng.normal(size=size), -rng.uniform(0.0, 2.0, size), rng.uniform(0.0, 2.0, size)
+    high[0] = rng.choice([high[0], np.inf])
+    slow, fast = np.full(3 * size, np.nan), np.full(3 * size, np.nan)
+    kernels.passed_velocities(v, low, high, room, slow, fast)
+    for i in range(size):
+        ways = ([v[i], high[i], high[i] + room], [v[i], low[i], low[i] - room], [v[i], low[i] - room, high[i] + room])
+        for k, speeds in enumerate(ways):
+            finite = np.clip(speeds, -1e9, 1e9)
+            assert (slow[k * size + i], fast[k * size + i]) == (finite.min(), finite.max())
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 8))
+def test_the_expected_friction_balances_the_velocity_it_leaves(kernels, seed, size):
+    """s = (d − F_v)(v − A_ii s): each joint is slowed by its own friction, and by nothing else."""
+    rng = np.random.default_rng(seed)
+    v, viscous = rng.normal(size=size), rng.uniform(0.0, 1.0, size)
+    damping = viscous + rng.uniform(0.0, 50.0, size)
+    response = np.asfortranarray(rng.uniform(0.0, 0.2, (size, size)))
+    torque = kernels.expected_friction(v, damping, viscous, response)
+    np.testing.assert_allclose(torque, (damping - viscous) * (v - response.diagonal() * torque), atol=1e-9)
