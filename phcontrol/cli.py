@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, ParamSpec, TypeVar
 
 import typer
 
+from phcontrol._files import check_file_place, check_folder
 from phcontrol._validation import Array, choice
 from phcontrol._version import __version__
 from phcontrol.analysis.certificate import certify as make_certificate
@@ -32,7 +33,7 @@ from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
-from phcontrol.mechanics.robot import check_joint_names
+from phcontrol.mechanics.robot import Robot, check_joint_names
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -90,7 +91,10 @@ RecordOption = Annotated[
     Path | None, typer.Option(help="Write a page that plays the run, to be opened offline.", metavar="FILE.html")
 ]
 PortOption = Annotated[
-    int | None, typer.Option(help="To serve the view on; 0 for any free one. Default: the first free one from 7000.")
+    int | None,
+    typer.Option(
+        min=0, max=65535, help="To serve the view on; 0 for any free one. Default: the first free one from 7000."
+    ),
 ]
 
 
@@ -110,10 +114,15 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
         try:
             return command(*args, **kwargs)
         except PHControlError as error:
-            typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+            typer.echo(f"error: {_one_line(str(error))}", err=True)
             raise typer.Exit(130 if isinstance(error, SimulationInterrupted) else 2) from error
 
     return wrapped
+
+
+def _one_line(text: str) -> str:
+    """Return a message in one line, without what a terminal would obey: parts of it may come from a file."""
+    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))
 
 
 @app.callback(invoke_without_command=True)
@@ -180,7 +189,7 @@ def _run_and_write(
     study: Callable[..., PositionRun] = run_position,
     **arguments: Any,
 ) -> None:
-    _check_writable(folder)
+    _check_writable(folder, showing.record)
     with _watching(showing) as watch:
         result = _run(study, system, folder, watch=watch, **arguments)
         typer.echo(result.summary())
@@ -342,7 +351,7 @@ def _add_study(name: str, summary: str) -> None:
         port: PortOption = None,
     ) -> None:
         folder = Path("results") / name if out is None else out
-        _check_writable(folder)
+        _check_writable(folder, record)
         outcome = run_study(name)
         typer.echo(outcome.summary())
         typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
@@ -358,10 +367,20 @@ for _name, _study in STUDIES.items():
 @app.command("view")
 @reports_errors
 def view_command(
-    log: Annotated[Path, typer.Argument(help="A log that a run wrote (.npz).")], port: PortOption = None
+    log: Annotated[Path, typer.Argument(help="A log that a run wrote (.npz).")],
+    robot: Annotated[
+        str | None,
+        typer.Option(help="The log's arm, as in 'run': for the meshes of a URDF file, which a log alone may not open."),
+    ] = None,
+    port: PortOption = None,
 ) -> None:
     """Play a log in a browser: opens one, or prints the address."""
-    _show({"": Log.load(log)}, port)
+    run = Log.load(log)
+    if robot is None:
+        _show({"": run}, port)
+        return
+    locked = run.metadata.get("robot_record", {}).get("locked_joints", {})
+    _show({"": run}, port, load_robot(robot, locked_joints=locked))
 
 
 @app.command()
@@ -539,7 +558,7 @@ def _record(logs: Mapping[str, Log], path: Path | None) -> None:
         typer.echo(f"recorded {record(log, target)}")
 
 
-def _show(logs: Mapping[str, Log], port: int | None) -> None:
+def _show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:
     """Serve the pages of logs, one after another when the last is stopped."""
     from phcontrol.visualization.recording import recorded_page
     from phcontrol.visualization.server import view
@@ -547,7 +566,7 @@ def _show(logs: Mapping[str, Log], port: int | None) -> None:
     for name, log in logs.items():
         if name:
             typer.echo(f"{name}:")
-        view(recorded_page(log), port=port)
+        view(recorded_page(log, robot=robot), port=port)
 
 
 def _system(robot: str, lock: list[str] | None, armature: str | None) -> MechanicalSystem:
@@ -629,16 +648,14 @@ def _settings(pairs: list[str] | None) -> dict[str, Any]:
     return settings
 
 
-def _check_writable(folder: Path) -> None:
+def _check_writable(folder: Path, record: Path | None = None) -> None:
     """Find out before a long run, not after it, that its results cannot be written."""
-    from phcontrol._files import write_atomically
-
-    probe = folder / ".phcontrol-probe"
     try:
-        write_atomically(probe, lambda file: None)
-        probe.unlink()
-    except (DataFileError, OSError) as error:
-        raise DataFileError(f"cannot write to --out {folder}: {error}") from error
+        check_folder(folder)
+    except OSError as error:
+        raise DataFileError(f"cannot write to --out {folder}: {error.strerror or error}") from error
+    if record is not None:
+        check_file_place(record)
 
 
 if __name__ == "__main__":

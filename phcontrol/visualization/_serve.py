@@ -180,7 +180,10 @@ async def main(port: int, source_number: int, parent: int) -> None:
     if gone.done():
         os._exit(1)  # a thread waits for a page that will not come
     state = State(reading.result())
-    application = tornado.web.Application([("/", Page, {"state": state}), ("/frames", Frames, {"state": state})])
+    routes = [("/", Page, {"state": state}), ("/frames", Frames, {"state": state})]
+    application = tornado.web.Application(
+        routes, log_function=lambda handler: None
+    )  # a page from elsewhere may ask often
     server = tornado.httpserver.HTTPServer(application)
     server.add_sockets(sockets)
     source = socket.socket(fileno=source_number)
