@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import io
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -98,6 +99,10 @@ PortOption = Annotated[
 ]
 
 
+NOT_SET = ("system", "name", "cls", "camera")
+"""What a law is made with that no text can be."""
+
+
 class Showing(NamedTuple):
     """How a run is to be shown."""
 
@@ -130,6 +135,9 @@ def version_option(
     context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
 ) -> None:
     """Energy-based control of robot arms, with a certificate for every controller."""
+    for stream in (sys.stdout, sys.stderr):  # a file's name may hold what is no text
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if version:
         typer.echo(f"phcontrol {__version__}")
         raise typer.Exit
@@ -175,7 +183,7 @@ def run_arm(
         duration=duration,
         interconnection=interconnection,
         samples=samples,
-        options=_settings(settings),
+        options=_settings(settings, "goal", "interconnection"),
         dt=dt,
         integrator=integrator,
         control_period=control_period,
@@ -268,7 +276,7 @@ def track(
         interconnection=interconnection,
         samples=samples,
         options={"trajectory": _trajectory(trajectory, system, posture, speed), "hold": control_period or 0.0}
-        | _settings(settings),
+        | _settings(settings, "goal", "interconnection"),
         dt=dt,
         control_period=control_period,
         disturbance=None if push is None else _joint_values(system, "--push", push),
@@ -312,7 +320,7 @@ def run_servo_command(
         interconnection=interconnection,
         samples=samples,
         camera_rate=camera_rate,
-        options=_settings(settings),
+        options=_settings(settings, "goal", "interconnection"),
         duration=duration,
         dt=dt,
     )
@@ -352,6 +360,8 @@ def _add_study(name: str, summary: str) -> None:
     ) -> None:
         folder = Path("results") / name if out is None else out
         _check_writable(folder, record)
+        if not view:
+            _check_port_is_used(port)
         outcome = run_study(name)
         typer.echo(outcome.summary())
         typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
@@ -408,12 +418,12 @@ def certify(
             raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
         _certify_every_arm(names, interconnection, samples, seed, as_json)
         return
-    system = _system(robot, lock, armature)
+    system, options = _system(robot, lock, armature), _settings(settings, "interconnection")
     labelled, left_out = [], []
     for name in names:
         forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
         try:
-            laws = [make_controller(name, system, interconnection=form, **_settings(settings)) for form in forms]
+            laws = [make_controller(name, system, interconnection=form, **options) for form in forms]
         except InvalidArgumentError as error:
             if controller != "all" or settings:
                 raise
@@ -539,12 +549,18 @@ def main() -> None:
 def _watching(showing: Showing) -> Iterator[LiveView | None]:
     """Give a live view, or nothing where none is wished."""
     if not showing.view:
+        _check_port_is_used(showing.port)
         yield None
         return
     from phcontrol.visualization.live import LiveView
 
     with LiveView(port=showing.port) as live:
         yield live
+
+
+def _check_port_is_used(port: int | None) -> None:
+    if port is not None:
+        raise InvalidArgumentError("--port", "is the port of --view, which is not given")
 
 
 def _record(logs: Mapping[str, Log], path: Path | None) -> None:
@@ -580,6 +596,8 @@ def _goal(system: MechanicalSystem, goal: str | None, target: str | None, frame:
     """Return the joint positions that --goal or --reach asks for; None for neither."""
     robot = system.robot
     if target is None:
+        if frame is not None:
+            raise InvalidArgumentError("--frame", "is the frame of --reach, which is not given")
         if goal is None:
             return None
         posture = robot.position(_by_joint("--goal", goal), "--goal")
@@ -619,31 +637,53 @@ def _trajectory(kind: str, system: MechanicalSystem, goal: Array, speed: float) 
 def _by_joint(option: str, text: str) -> dict[str, float] | list[float]:
     parts = [part.strip() for part in text.split(",") if part.strip()]
     try:
-        if all("=" in part for part in parts):
-            return {name.strip(): float(value) for name, value in (part.split("=", 1) for part in parts)}
-        return [float(part) for part in parts]
+        if not parts:
+            raise ValueError("empty")
+        if not all("=" in part for part in parts):
+            return [_number(part) for part in parts]
+        pairs = [(name.strip(), _number(value)) for name, value in (part.split("=", 1) for part in parts)]
     except ValueError as error:
         message = f"must be {'angles' if option == '--goal' else 'numbers'} like 0.1,0.2 or pairs like elbow=0.3"
         raise InvalidArgumentError(option, f"{message}, but is '{text}'") from error
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        raise InvalidArgumentError(option, f"names a joint twice: '{text}'")
+    return values
 
 
 def _numbers(option: str, text: str) -> list[float]:
     try:
-        return [float(part) for part in text.split(",")]
+        return [_number(part) for part in text.split(",")]
     except ValueError as error:
         raise InvalidArgumentError(option, f"must be numbers like 0,0,0.002, but is '{text}'") from error
 
 
-def _settings(pairs: list[str] | None) -> dict[str, Any]:
+def _number(text: str) -> float:
+    """Return the number that a text is; Python's "1_0" is none. Raises ValueError."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
+def _settings(pairs: list[str] | None, *options: str) -> dict[str, Any]:
+    """Return what --set sets; ``options`` have options of their own."""
     settings: dict[str, Any] = {}
     for pair in pairs or []:
         name, separator, value = pair.partition("=")
+        name = name.strip()
         if not separator:
             raise InvalidArgumentError("--set", f"must be NAME=VALUE, but is '{pair}'")
+        if name in options:
+            raise InvalidArgumentError("--set", f"'{name}' has an option of its own: use --{name}")
+        if name in NOT_SET:
+            raise InvalidArgumentError("--set", f"'{name}' cannot be given on the command line")
+        if name in settings:
+            raise InvalidArgumentError("--set", f"'{name}' is given twice")
         try:
-            settings[name.strip()] = json.loads(value)
-        except json.JSONDecodeError as error:
-            message = f"'{name}' must be a number, a list like [1, 2], true or false, but is '{value}'"
+            settings[name] = json.loads(value)
+        except (ValueError, RecursionError) as error:
+            shown = value if len(value) < 80 else f"{value[:80]}..."
+            message = f"'{name}' must be a number, a list like [1, 2], true or false, but is '{shown}'"
             raise InvalidArgumentError("--set", message) from error
     return settings
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
-from phcontrol.exceptions import DataFileError, PHControlError
+from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.log_file import (
     DERIVED,
@@ -59,27 +59,31 @@ class Log:
         measured: Sequence[str],
         metadata: dict[str, Any],
     ) -> Log:
-        """Return a log with room for a run, to be filled by ``record``."""
-        n = loop.n
-        states: Array = np.zeros((samples, 2 * n + state_size + body_state_size))
-        data: dict[str, Array] = {
-            "time": np.zeros(samples),
+        """Return a log with room for a run, to be filled by ``record``.
+
+        Raises InvalidArgumentError where there is no room for so many samples.
+        """
+        sizes = {"torque": loop.n, "external_force": loop.n}
+        sizes |= {f"{MEASURED}{quantity}": FEATURES if quantity == "features" else loop.n for quantity in measured}
+        if loop.scene is not None:
+            sizes["features"] = FEATURES
+        if loop.sampled is not None and loop.sampled.filter is not None:
+            sizes[f"{FILTER}wished_torque"] = loop.n
+            sizes |= {f"{FILTER}{name}": 0 for name in ("status", "motion_excess", "storage_excess")}
+        n, width = loop.n, 2 * loop.n + state_size + body_state_size
+        try:
+            states: Array = np.zeros((samples, width))
+            data = {
+                name: np.zeros((samples, size) if size else samples) for name, size in ({"time": 0} | sizes).items()
+            }
+        except (MemoryError, ValueError, OverflowError) as error:
+            raise InvalidArgumentError("duration", "and dt ask for more samples than there is room for") from error
+        data |= {
             "position": states[:, :n],
             "velocity": states[:, n : 2 * n],
             "controller_state": states[:, 2 * n : 2 * n + state_size],
             "body_state": states[:, 2 * n + state_size :],
-            "torque": np.zeros((samples, n)),
-            "external_force": np.zeros((samples, n)),
         }
-        data |= {
-            f"{MEASURED}{quantity}": np.zeros((samples, FEATURES if quantity == "features" else n))
-            for quantity in measured
-        }
-        if loop.scene is not None:
-            data["features"] = np.zeros((samples, FEATURES))
-        if loop.sampled is not None and loop.sampled.filter is not None:
-            data[f"{FILTER}wished_torque"] = np.zeros((samples, n))
-            data |= {f"{FILTER}{name}": np.zeros(samples) for name in ("status", "motion_excess", "storage_excess")}
         log = cls(data, metadata, loop)
         log._length, log._states = 0, states
         return log
