@@ -323,6 +323,14 @@ def test_a_page_replaces_no_pipe_device_or_folder(tmp_path):
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
+def test_a_trajectory_without_an_end_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", tmp_path, "/dev/zero"):
+        result = run("run", "track", "--robot", "pera_shoulder", "--trajectory", str(place))
+        assert result.exit_code == 2
+        assert "it is a folder, or a pipe or device without an end" in result.stderr
+
+
 def test_a_users_file_is_not_taken_for_a_probe(tmp_path):
     (tmp_path / ".phcontrol-probe").write_text("mine")
     assert run("run", "position", *QUICK, "--out", str(tmp_path)).exit_code == 0

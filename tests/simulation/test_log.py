@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import zipfile
@@ -20,6 +19,7 @@ from phcontrol import (
     make_controller,
 )
 from phcontrol import simulate as run
+from tests.log_files import contents, sealed, text
 
 
 @pytest.fixture(scope="module")
@@ -179,27 +179,6 @@ def test_a_failed_save_leaves_the_old_file(log, tmp_path, monkeypatch):
 
 
 # --- files that are no logs, or not what they say ---------------------------------------------------
-
-
-def contents(path):
-    with np.load(path) as file:
-        return dict(file)
-
-
-def text(**content):
-    return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
-
-
-def sealed(arrays, **changes):
-    """Return the arrays with changed metadata, and a hash that fits: made by hand, as a stranger would."""
-    arrays = {name: array for name, array in arrays.items() if name != "sha256"}
-    metadata = json.loads(arrays["metadata"].tobytes()) | changes
-    arrays["metadata"] = text(**{key: value for key, value in metadata.items() if value is not ...})
-    digest = hashlib.sha256()
-    for name in sorted(set(arrays) - {"metadata"}):
-        digest.update(f"{name} {arrays[name].shape}\n".encode() + np.ascontiguousarray(arrays[name]).tobytes())
-    digest.update(b"metadata\n" + arrays["metadata"].tobytes())
-    return arrays | {"sha256": np.frombuffer(digest.digest(), dtype=np.uint8)}
 
 
 def refused(path, arrays, match):

@@ -13,8 +13,10 @@ from phcontrol.mechanics.catalogue import example_robots
 from phcontrol.visualization.recording import recorded_page
 from phcontrol.visualization.shapes import encode, find_mesh
 from phcontrol.visualization.stage import Stage
-from tests.simulation.test_log import contents, sealed
+from tests.log_files import contents, sealed
 from tests.visualization.test_stage import ARM
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*is not drawn")  # said on the page is what is asserted here
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 
