@@ -219,8 +219,10 @@ def _run_all(names: list[str], folder: Path, workers: int, disable: bool | None)
 def _run_task(name: str, folder: Path, running: set[subprocess.Popen[str]]) -> str:
     """Run one task in a process of its own; return why it failed, or nothing."""
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    # the modules of this process, never those of a folder that it happens to be run in
+    code = f"import sys; sys.path[:] = {sys.path!r}; from phcontrol.experiments.task import main; main()"
     process = subprocess.Popen(
-        [sys.executable, "-m", "phcontrol.experiments.task", name, str(folder / name), str(os.getpid())],
+        [sys.executable, "-c", code, name, str(folder / name), str(os.getpid())],
         env=os.environ | one_thread,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""One task of a reproduction, run as ``python -m phcontrol.experiments.task NAME FOLDER PARENT``."""
+"""One task of a reproduction, in a process of its own."""
 
 from __future__ import annotations
 
@@ -74,9 +74,11 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-if __name__ == "__main__":
-    threading.Thread(target=_end_with, args=(int(sys.argv[3]),), daemon=True).start()
+def main() -> None:
+    """Run the task that the command line names: NAME FOLDER PARENT."""
+    name, folder, parent = sys.argv[1:]
+    threading.Thread(target=_end_with, args=(int(parent),), daemon=True).start()
     try:
-        run_task(sys.argv[1], Path(sys.argv[2]))
+        run_task(name, Path(folder))
     except PHControlError as error:
         sys.exit(f"{type(error).__name__}: {error}")

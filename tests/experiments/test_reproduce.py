@@ -154,6 +154,16 @@ def test_a_page_of_the_users_own_is_not_replaced(tmp_path, name):
     assert (tmp_path / name).read_text() == "mine"
 
 
+def test_tasks_run_the_code_of_this_process_wherever_it_is(tmp_path, monkeypatch):
+    """A folder named phcontrol in the working directory, another version perhaps, is nobody's code."""
+    (tmp_path / "phcontrol").mkdir()
+    (tmp_path / "phcontrol" / "__init__.py").write_text("raise SystemExit('another phcontrol')")
+    monkeypatch.chdir(tmp_path)
+    result = reproduce("out", only=[ARM], progress=False)
+    assert result.results["failed"] == {}
+    assert result.passed
+
+
 def test_what_the_user_puts_into_a_tasks_folder_stays(copy):
     (copy / ARM / "notes.txt").write_text("mine")
     (copy / ARM / "photos").mkdir()
