@@ -61,9 +61,10 @@ from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.control_box import ControlBox
 from phcontrol.simulation.control_loop import ControlLoop
 from phcontrol.simulation.integrators import INTEGRATORS
-from phcontrol.simulation.log import Log, PowerBalance
+from phcontrol.simulation.log import Log
 from phcontrol.simulation.loop_mode import LoopMode
 from phcontrol.simulation.packet_faults import PacketFaults
+from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm
 from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach

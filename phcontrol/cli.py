@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import io
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, ParamSpec, TypeVar
 
 import typer
 
+from phcontrol._files import check_file_place, check_folder
 from phcontrol._validation import Array, choice
 from phcontrol._version import __version__
 from phcontrol.analysis.certify import SAMPLES
@@ -33,7 +35,7 @@ from phcontrol.experiments.registry import STUDIES, run_study
 from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
-from phcontrol.mechanics.robot import check_joint_names
+from phcontrol.mechanics.robot import Robot, check_joint_names
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -91,8 +93,15 @@ RecordOption = Annotated[
     Path | None, typer.Option(help="Write a page that plays the run, to be opened offline.", metavar="FILE.html")
 ]
 PortOption = Annotated[
-    int | None, typer.Option(help="To serve the view on; 0 for any free one. Default: the first free one from 7000.")
+    int | None,
+    typer.Option(
+        min=0, max=65535, help="To serve the view on; 0 for any free one. Default: the first free one from 7000."
+    ),
 ]
+
+
+NOT_SET = ("system", "name", "cls", "camera")
+"""What a law is made with that no text can be."""
 
 
 class Showing(NamedTuple):
@@ -111,10 +120,15 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
         try:
             return command(*args, **kwargs)
         except PHControlError as error:
-            typer.echo(f"error: {' '.join(str(error).split())}", err=True)
+            typer.echo(f"error: {_one_line(str(error))}", err=True)
             raise typer.Exit(130 if isinstance(error, SimulationInterrupted) else 2) from error
 
     return wrapped
+
+
+def _one_line(text: str) -> str:
+    """Return a message in one line, without what a terminal would obey: parts of it may come from a file."""
+    return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))
 
 
 @app.callback(invoke_without_command=True)
@@ -122,6 +136,9 @@ def version_option(
     context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
 ) -> None:
     """Energy-based control of robot arms, with a certificate for every controller."""
+    for stream in (sys.stdout, sys.stderr):  # a file's name may hold what is no text
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if version:
         typer.echo(f"phcontrol {__version__}")
         raise typer.Exit
@@ -167,7 +184,7 @@ def run_arm(
         duration=duration,
         interconnection=interconnection,
         samples=samples,
-        options=_settings(settings),
+        options=_settings(settings, "goal", "interconnection"),
         dt=dt,
         integrator=integrator,
         control_period=control_period,
@@ -181,7 +198,7 @@ def _run_and_write(
     study: Callable[..., PositionRun] = run_position,
     **arguments: Any,
 ) -> None:
-    _check_writable(folder)
+    _check_writable(folder, showing.record)
     with _watching(showing) as watch:
         result = _run(study, system, folder, watch=watch, **arguments)
         typer.echo(result.summary())
@@ -260,7 +277,7 @@ def track(
         interconnection=interconnection,
         samples=samples,
         options={"trajectory": _trajectory(trajectory, system, posture, speed), "hold": control_period or 0.0}
-        | _settings(settings),
+        | _settings(settings, "goal", "interconnection"),
         dt=dt,
         control_period=control_period,
         disturbance=None if push is None else _joint_values(system, "--push", push),
@@ -304,7 +321,7 @@ def run_servo_command(
         interconnection=interconnection,
         samples=samples,
         camera_rate=camera_rate,
-        options=_settings(settings),
+        options=_settings(settings, "goal", "interconnection"),
         duration=duration,
         dt=dt,
     )
@@ -343,7 +360,9 @@ def _add_study(name: str, summary: str) -> None:
         port: PortOption = None,
     ) -> None:
         folder = Path("results") / name if out is None else out
-        _check_writable(folder)
+        _check_writable(folder, record)
+        if not view:
+            _check_port_is_used(port)
         outcome = run_study(name)
         typer.echo(outcome.summary())
         typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
@@ -359,10 +378,20 @@ for _name, _study in STUDIES.items():
 @app.command("view")
 @reports_errors
 def view_command(
-    log: Annotated[Path, typer.Argument(help="A log that a run wrote (.npz).")], port: PortOption = None
+    log: Annotated[Path, typer.Argument(help="A log that a run wrote (.npz).")],
+    robot: Annotated[
+        str | None,
+        typer.Option(help="The log's arm, as in 'run': for the meshes of a URDF file, which a log alone may not open."),
+    ] = None,
+    port: PortOption = None,
 ) -> None:
     """Play a log in a browser: opens one, or prints the address."""
-    _show({"": Log.load(log)}, port)
+    run = Log.load(log)
+    if robot is None:
+        _show({"": run}, port)
+        return
+    locked = run.metadata.get("robot_record", {}).get("locked_joints", {})
+    _show({"": run}, port, load_robot(robot, locked_joints=locked))
 
 
 @app.command()
@@ -390,12 +419,12 @@ def certify(
             raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
         _certify_every_arm(names, interconnection, samples, seed, as_json)
         return
-    system = _system(robot, lock, armature)
+    system, options = _system(robot, lock, armature), _settings(settings, "interconnection")
     labelled, left_out = [], []
     for name in names:
         forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
         try:
-            laws = [make_controller(name, system, interconnection=form, **_settings(settings)) for form in forms]
+            laws = [make_controller(name, system, interconnection=form, **options) for form in forms]
         except InvalidArgumentError as error:
             if controller != "all" or settings:
                 raise
@@ -521,12 +550,18 @@ def main() -> None:
 def _watching(showing: Showing) -> Iterator[LiveView | None]:
     """Give a live view, or nothing where none is wished."""
     if not showing.view:
+        _check_port_is_used(showing.port)
         yield None
         return
     from phcontrol.visualization.live import LiveView
 
     with LiveView(port=showing.port) as live:
         yield live
+
+
+def _check_port_is_used(port: int | None) -> None:
+    if port is not None:
+        raise InvalidArgumentError("--port", "is the port of --view, which is not given")
 
 
 def _record(logs: Mapping[str, Log], path: Path | None) -> None:
@@ -540,7 +575,7 @@ def _record(logs: Mapping[str, Log], path: Path | None) -> None:
         typer.echo(f"recorded {record(log, target)}")
 
 
-def _show(logs: Mapping[str, Log], port: int | None) -> None:
+def _show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:
     """Serve the pages of logs, one after another when the last is stopped."""
     from phcontrol.visualization.recording import recorded_page
     from phcontrol.visualization.server import view
@@ -548,7 +583,7 @@ def _show(logs: Mapping[str, Log], port: int | None) -> None:
     for name, log in logs.items():
         if name:
             typer.echo(f"{name}:")
-        view(recorded_page(log), port=port)
+        view(recorded_page(log, robot=robot), port=port)
 
 
 def _system(robot: str, lock: list[str] | None, armature: str | None) -> MechanicalSystem:
@@ -562,6 +597,8 @@ def _goal(system: MechanicalSystem, goal: str | None, target: str | None, frame:
     """Return the joint positions that --goal or --reach asks for; None for neither."""
     robot = system.robot
     if target is None:
+        if frame is not None:
+            raise InvalidArgumentError("--frame", "is the frame of --reach, which is not given")
         if goal is None:
             return None
         posture = robot.position(_by_joint("--goal", goal), "--goal")
@@ -601,45 +638,65 @@ def _trajectory(kind: str, system: MechanicalSystem, goal: Array, speed: float) 
 def _by_joint(option: str, text: str) -> dict[str, float] | list[float]:
     parts = [part.strip() for part in text.split(",") if part.strip()]
     try:
-        if all("=" in part for part in parts):
-            return {name.strip(): float(value) for name, value in (part.split("=", 1) for part in parts)}
-        return [float(part) for part in parts]
+        if not parts:
+            raise ValueError("empty")
+        if not all("=" in part for part in parts):
+            return [_number(part) for part in parts]
+        pairs = [(name.strip(), _number(value)) for name, value in (part.split("=", 1) for part in parts)]
     except ValueError as error:
         message = f"must be {'angles' if option == '--goal' else 'numbers'} like 0.1,0.2 or pairs like elbow=0.3"
         raise InvalidArgumentError(option, f"{message}, but is '{text}'") from error
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        raise InvalidArgumentError(option, f"names a joint twice: '{text}'")
+    return values
 
 
 def _numbers(option: str, text: str) -> list[float]:
     try:
-        return [float(part) for part in text.split(",")]
+        return [_number(part) for part in text.split(",")]
     except ValueError as error:
         raise InvalidArgumentError(option, f"must be numbers like 0,0,0.002, but is '{text}'") from error
 
 
-def _settings(pairs: list[str] | None) -> dict[str, Any]:
+def _number(text: str) -> float:
+    """Return the number that a text is; Python's "1_0" is none. Raises ValueError."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
+def _settings(pairs: list[str] | None, *options: str) -> dict[str, Any]:
+    """Return what --set sets; ``options`` have options of their own."""
     settings: dict[str, Any] = {}
     for pair in pairs or []:
         name, separator, value = pair.partition("=")
+        name = name.strip()
         if not separator:
             raise InvalidArgumentError("--set", f"must be NAME=VALUE, but is '{pair}'")
+        if name in options:
+            raise InvalidArgumentError("--set", f"'{name}' has an option of its own: use --{name}")
+        if name in NOT_SET:
+            raise InvalidArgumentError("--set", f"'{name}' cannot be given on the command line")
+        if name in settings:
+            raise InvalidArgumentError("--set", f"'{name}' is given twice")
         try:
-            settings[name.strip()] = json.loads(value)
-        except json.JSONDecodeError as error:
-            message = f"'{name}' must be a number, a list like [1, 2], true or false, but is '{value}'"
+            settings[name] = json.loads(value)
+        except (ValueError, RecursionError) as error:
+            shown = value if len(value) < 80 else f"{value[:80]}..."
+            message = f"'{name}' must be a number, a list like [1, 2], true or false, but is '{shown}'"
             raise InvalidArgumentError("--set", message) from error
     return settings
 
 
-def _check_writable(folder: Path) -> None:
+def _check_writable(folder: Path, record: Path | None = None) -> None:
     """Find out before a long run, not after it, that its results cannot be written."""
-    from phcontrol._files import write_atomically
-
-    probe = folder / ".phcontrol-probe"
     try:
-        write_atomically(probe, lambda file: None)
-        probe.unlink()
-    except (DataFileError, OSError) as error:
-        raise DataFileError(f"cannot write to --out {folder}: {error}") from error
+        check_folder(folder)
+    except OSError as error:
+        raise DataFileError(f"cannot write to --out {folder}: {error.strerror or error}") from error
+    if record is not None:
+        check_file_place(record)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,15 @@ import itertools
 import json
 import os
 import re
+import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,6 +219,46 @@ def test_listings(command):
         (["run", "servo", "--goal", "0,0"], "error: features: must have shape (3,)"),
         (["certify", "--controller", "hamiltonian_servo", "--robot", "pera_shoulder"], "error: system: has 2 joints"),
         (["certify", "--controller", "reduction_servo", "--set", 'frame="eye"'], "error: unknown frame 'eye' of pera"),
+        (["run", "position", *QUICK, "--goal", ""], "error: --goal: must be angles"),
+        (["run", "position", *QUICK, "--goal", "1_0,0"], "error: --goal: must be angles"),
+        (
+            ["run", "position", *QUICK, "--goal", "shoulder_roll=1,shoulder_roll=2"],
+            "error: --goal: names a joint twice",
+        ),
+        (["run", "track", "--push", ","], "error: --push: must be numbers"),
+        (["run", "servo", "--start", "0,0,1_0"], "error: --start: must be numbers"),
+        (["run", "servo", "--start", "0,0,0"], "error: start: must have a length l > 0"),
+        (["run", "servo", "--set", 'object_length="x"'], "error: object_length: must be a number"),
+        (["run", "servo", "--set", "camera=5"], "error: --set: 'camera' cannot be given on the command line"),
+        (["run", "servo", "--set", "goal=[0,0,1]"], "error: --set: 'goal' has an option of its own: use --goal"),
+        (["run", "position", *QUICK, "--set", "goal=[1,1]"], "error: --set: 'goal' has an option of its own"),
+        (
+            ["run", "track", "--set", 'interconnection="coriolis"'],
+            "error: --set: 'interconnection' has an option of its",
+        ),
+        (["run", "position", *QUICK, "--set", "system=1"], "error: --set: 'system' cannot be given"),
+        (["run", "position", *QUICK, "--set", "name=1"], "error: --set: 'name' cannot be given"),
+        (["run", "position", *QUICK, "--set", "cls=1"], "error: --set: 'cls' cannot be given"),
+        (["run", "position", *QUICK, "--set", "stiffness=" + "[" * 100_000], "error: --set: 'stiffness' must be"),
+        (["run", "position", *QUICK, "--set", "stiffness=" + "9" * 5000], "error: --set: 'stiffness' must be"),
+        (
+            ["run", "position", *QUICK, "--set", "stiffness=1", "--set", "stiffness=2"],
+            "error: --set: 'stiffness' is given",
+        ),
+        (
+            ["certify", "--controller", "tracking", "--set", "interconnection=1"],
+            "error: --set: 'interconnection' has an",
+        ),
+        (["run", "position", *QUICK, "--duration", "1e300"], "error: duration: and dt ask for more samples"),
+        (["run", "position", *QUICK, "--dt", "1e-300", "--duration", "1e300"], "error: duration: and dt ask for more"),
+        (["run", "position", *QUICK, "--control-period", "nan"], "error: control_period: must be finite"),
+        (["run", "position", *QUICK, "--control-period", "0"], "error: control_period: must be > 0"),
+        (["run", "position", *QUICK, "--frame", "tool"], "error: --frame: is the frame of --reach"),
+        (["run", "position", *QUICK, "--port", "7001"], "error: --port: is the port of --view"),
+        (["run", "fig-4-1", "--port", "7001"], "error: --port: is the port of --view"),
+        (["run", "position", *QUICK, "--view", "--port", "99999"], "Invalid value for '--port'"),
+        (["view", "log.npz", "--port", "65536"], "Invalid value for '--port'"),
+        (["view", "log.npz", "--port", "-1"], "Invalid value for '--port'"),
         (["run", "nothing"], "No such command 'nothing'"),
         (["certify", "--wrong"], "No such option"),
     ],
@@ -236,6 +279,103 @@ def test_an_unwritable_place_is_found_before_the_run(tmp_path):
     result = run("run", "position", "--duration", "1e9", "--out", str(file / "out"))
     assert result.exit_code == 2
     assert "cannot write to --out" in result.stderr
+
+
+@pytest.mark.parametrize("option", ["--out", "--record"])
+@pytest.mark.parametrize(
+    "command", [["run", "position", *QUICK], ["run", "fig-4-1"], ["reproduce", "--only", "fig-2-3"]]
+)
+def test_no_tree_of_folders_is_made(command, option, tmp_path):
+    """A mistyped path is an error before the run: only its last folder is made, and none in the root."""
+    if (command[0], option) == ("reproduce", "--record"):
+        return
+    root = Path("/phcontrol-test-of-folders")
+    assert not root.exists()
+    end = ["run.html"] if option == "--record" else []
+    try:
+        for place in (root, root / "deep", tmp_path / "deep" / "deeper"):
+            other = [] if option == "--out" or command[0] == "reproduce" else ["--out", str(tmp_path / "out")]
+            result = run(*command, *other, option, str(place.joinpath(*end)))
+            assert result.exit_code == 2, result.output
+            assert result.stderr.startswith(f"error: cannot write {'to --out ' if option == '--out' else ''}{place}")
+            assert "there is no folder" in result.stderr
+            assert not root.exists()
+            assert not (tmp_path / "deep").exists()
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+
+
+def test_below_the_working_directory_folders_are_made(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("run", "position", *QUICK, "--record", "pages/today/run.html")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "pages" / "today" / "run.html").exists()
+    assert (tmp_path / "results" / "position" / "log.npz").exists()
+
+
+def test_a_page_replaces_no_pipe_device_or_folder(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for place, what in (("pipe", "a pipe or a device"), (".", "a folder"), ("/dev/full", "a pipe or a device")):
+        options = ["--out", str(tmp_path / "out"), "--record", str(tmp_path / place)]
+        result = run("run", "position", "--duration", "1e6", *options)
+        assert result.exit_code == 2
+        assert f"it is {what}" in result.stderr
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+
+def test_a_trajectory_without_an_end_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path / "pipe", tmp_path, "/dev/zero"):
+        result = run("run", "track", "--robot", "pera_shoulder", "--trajectory", str(place))
+        assert result.exit_code == 2
+        assert "it is a folder, or a pipe or device without an end" in result.stderr
+
+
+def test_a_users_file_is_not_taken_for_a_probe(tmp_path):
+    (tmp_path / ".phcontrol-probe").write_text("mine")
+    assert run("run", "position", *QUICK, "--out", str(tmp_path)).exit_code == 0
+    assert (tmp_path / ".phcontrol-probe").read_text() == "mine"
+
+
+def test_a_name_that_is_no_text_is_printed_all_the_same(tmp_path):
+    """As a name of another encoding is; nothing is lost after a long run."""
+    command = [
+        sys.executable,
+        "-m",
+        "phcontrol.cli",
+        "run",
+        "position",
+        *QUICK,
+        "--out",
+        os.fsencode(tmp_path) + b"/\xff",
+    ]
+    result = subprocess.run(command, capture_output=True, check=True)
+    assert rb"\udcff/log.npz" in result.stdout
+    assert len(Log.load(tmp_path / os.fsdecode(b"\xff") / "log.npz")) == 201
+
+
+def test_a_terminal_obeys_nothing_that_a_file_says(tmp_path):
+    (tmp_path / "motion.csv").write_text("time,\x1b]0;title\x07\n0,1\n")
+    result = run("run", "track", "--robot", "pera_shoulder", "--trajectory", str(tmp_path / "motion.csv"))
+    assert result.exit_code == 2
+    assert result.stderr.startswith("error: cannot read the trajectory")
+    assert "\x1b" not in result.stderr
+    assert "\x07" not in result.stderr
+
+
+def test_a_log_is_shown_with_the_meshes_of_the_robot_that_is_given(tmp_path, monkeypatch):
+    pages = []
+    monkeypatch.setattr("phcontrol.visualization.server.view", lambda page, port=None: pages.append(page))
+    assert (
+        run("run", "position", "--robot", "ur5", "--lock", "elbow_joint", *QUICK[2:], "--out", str(tmp_path)).exit_code
+        == 0
+    )
+    assert run("view", str(tmp_path / "log.npz")).exit_code == 0
+    assert run("view", str(tmp_path / "log.npz"), "--robot", "ur5").exit_code == 0
+    assert pages[0] == pages[1]
+    wrong = run("view", str(tmp_path / "log.npz"), "--robot", "pera_shoulder")
+    assert wrong.exit_code == 2
+    assert "unknown joint 'elbow_joint' of pera_shoulder" in wrong.stderr
 
 
 def test_a_full_disk_is_one_clear_line(tmp_path):

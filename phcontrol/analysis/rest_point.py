@@ -22,7 +22,7 @@ _ITERATIONS = 30
 _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
 _FOUND = 1e-8  # of what a natural unit away changes
 _EXACT = 1e-12  # the same, of a zero that cannot be bettered
-_DIRECTIONS = 3  # in which that is looked at
+_DIRECTIONS, _PROBE = 3, 0.01  # in which and how far away that is looked at
 ENVIRONMENT_FREQUENCY = 4.0
 """Of each joint on the spring that it touches where a force-controlled law rests [rad/s]."""
 
@@ -158,9 +158,12 @@ class _Neighbourhood:
         return best, smallest <= _FOUND
 
     def _left(self, function: Callable[[Array], Array], y: Array, value: Array) -> float:
-        """Return the largest entry of a function's value at y over what it changes a natural unit away."""
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(_DIRECTIONS, y.size))
-        unit = np.max([np.abs(function(y + sign * self._units) - value) for sign in signs], axis=0)
+        """Return the largest entry of a function's value at y over what it changes a natural unit away.
+
+        That is taken from a hundredth of it: farther off a camera may see nothing.
+        """
+        signs = np.random.default_rng(0).choice([-_PROBE, _PROBE], size=(_DIRECTIONS, y.size))
+        unit = np.max([np.abs(function(y + sign * self._units) - value) for sign in signs], axis=0) / _PROBE
         return float((np.abs(value) / np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))).max())
 
     def _jacobian(self, function: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:

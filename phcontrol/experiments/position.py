@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from phcontrol._files import write_json
-from phcontrol._validation import Array, choice
+from phcontrol._validation import Array, choice, positive
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
@@ -164,7 +164,7 @@ def stable_step(law: Controller, posture: Array, integrator: str = "rk4", contro
             f"{longest:.1g} s: its description has friction but no rotor inertia; give one (an armature of 0.05, for "
             "instance), lock that joint, set dt yourself, or integrate with implicit_midpoint",
         )
-    period = LONGEST_STEP if control_period is None else control_period
+    period = LONGEST_STEP if control_period is None else positive("control_period", control_period)
     step = min(LONGEST_STEP, longest)
     return period / max(1, math.ceil(period / step - 1e-9))
 

@@ -114,7 +114,7 @@ def _certificates(rows: Iterable[Mapping[str, Any]]) -> Iterable[str]:
     rows = list(rows)
     if not rows:
         return
-    first = next(row for row in rows if "samples" in row)
+    first = next((row for row in rows if "samples" in row), {"samples": 0, "seed": 0})
     yield '<h2 id="certificates">Certificates</h2>'
     yield (
         f"<p>At {first['samples']} states of each arm (seed {first['seed']}), drawn where laws go wrong, the closed "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 import platform
 import subprocess
@@ -22,13 +20,15 @@ from tqdm import tqdm
 from phcontrol._files import write_json, write_text
 from phcontrol._validation import choice, count
 from phcontrol._version import __version__
+from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
 from phcontrol.experiments.registry import STUDIES
+from phcontrol.experiments.task_folder import clear, read_done, read_json, take
 
 CERTIFIED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
 """The thesis's arms; each is one task, "certificates-NAME"."""
-DONE = "done.json"
-"""Written last in a task's folder: a folder without it is of a task that was not finished."""
+REPORT, CLAIMS = "index.html", "claims.json"
+"""What is written beside the tasks' folders."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,16 @@ class Reproduction:
         """Return how many claims were reproduced and how many certificates passed, in a few lines."""
         verdicts = [claim["verdict"] for study in self.results["studies"] for claim in study["claims"]]
         rows = [row for row in self.results["certificates"] if "passed" in row]
+        tasks = (*self.run, *self.kept)
         lines = [
             f"{len(verdicts)} claims: {verdicts.count('reproduced')} reproduced as printed, "
             f"{sum(verdict.startswith('reproduced with') for verdict in verdicts)} with a correction, "
-            f"{verdicts.count('not reproduced')} not reproduced",
-            f"{len(rows)} certificates: {sum(row['passed'] for row in rows)} passed",
+            f"{verdicts.count('not reproduced')} not reproduced"
+            if any(name in STUDIES for name in tasks)
+            else "no study was asked for",
+            f"{len(rows)} certificates: {sum(row['passed'] for row in rows)} passed"
+            if any(name not in STUDIES for name in tasks)
+            else "no certificate was asked for",
             *(f"FAILED: {name}: {reason}" for name, reason in self.results["failed"].items()),
         ]
         return "\n".join(lines)
@@ -103,7 +108,8 @@ def reproduce(
 
     Each task is a process of its own with one thread, so that numbers do not depend on how many run at once. A task
     whose folder is finished, by the same versions, is not run again: an interrupted reproduction goes on where it
-    was, and loses only what was running.
+    was, and loses only what was running. What was changed since it was written is run again. A folder that holds
+    anything, and was not made by a reproduction, is left as it is: its task fails.
 
     Args:
         directory: of the results.
@@ -114,33 +120,75 @@ def reproduce(
 
     Raises:
         UnknownNameError: no task of that name; lists those that exist.
-        DataFileError: the directory cannot be written.
+        DataFileError: the directory cannot be written, or has an ``index.html`` or ``claims.json`` of another origin.
         KeyboardInterrupt: stopped from the keyboard; what was finished is kept.
     """
     folder = Path(directory)
     wanted = list(dict.fromkeys(choice("study", name, task_names()) for name in only)) if only else task_names()
     wanted.sort(key=task_names().index)
     workers = os.cpu_count() or 1 if jobs is None else count("jobs", jobs)
+    take(folder, "report", own=(REPORT, CLAIMS))
     kept = [] if fresh else [name for name in wanted if _finished(folder / name)]
     due = [name for name in wanted if name not in kept]
     for name in due:
-        with contextlib.suppress(OSError):
-            (folder / name / DONE).unlink()
+        clear(folder / name, name)
     failed = _run_all(due, folder, workers, None if progress is None else not progress)
     results = _collect(wanted, folder, failed)
     from phcontrol.experiments.report import report
 
-    write_json(folder / "claims.json", results)
-    page = write_text(folder / "index.html", report(results))
+    write_json(folder / CLAIMS, results)
+    page = write_text(folder / REPORT, report(results))
     return Reproduction(page, results, tuple(due), tuple(kept))
 
 
 def _finished(folder: Path) -> bool:
     try:
-        done = json.loads((folder / DONE).read_text())
-    except (OSError, ValueError):
+        read_results(folder)
+    except DataFileError:
         return False
-    return bool(done.get("versions") == versions())
+    return True
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """Return what a finished task found, of this very version: "study" or "certificates".
+
+    Raises DataFileError where it is not whole: a study without claims, an arm without the certificates of all laws.
+    """
+    name = folder.name
+    done = read_done(folder, name)
+    if done.get("versions") != versions():
+        raise DataFileError(f"{folder} is of other versions")
+    if name not in STUDIES:
+        rows = _listed(folder, done, "certificates.json")
+        _check_certificates(rows, folder)
+        return {"certificates": rows}
+    claims = _listed(folder, done, "claims.json")
+    parts = {key: done.get(key) for key in ("figures", "logs", "recordings", "seeds")}
+    if not isinstance(claims, dict) or claims.get("study") != name or not claims.get("claims"):
+        raise DataFileError(f"{folder} has no claims")
+    for key, ending in (("figures", "png"), ("logs", "npz"), ("recordings", "html")):
+        items = parts[key]
+        if not isinstance(items, list) or any(f"{item}.{ending}" not in done["files"] for item in items):
+            raise DataFileError(f"{folder} lacks some of its {key}")
+    return {"study": claims | parts}
+
+
+def _listed(folder: Path, done: dict[str, Any], file: str) -> Any:
+    if file not in done["files"]:
+        raise DataFileError(f"{folder} has no {file}")
+    return read_json(folder / file)
+
+
+def _check_certificates(rows: Any, folder: Path) -> None:
+    """Raise DataFileError unless there is a certificate of each law in each form, or the reason why there is none."""
+    whole = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
+    found = {(row.get("law"), row.get("interconnection")): row for row in rows} if whole else {}
+    for law, entry in CONTROLLERS.items():
+        forms = [found.get((law, form), {}).get("passed") for form in entry.law.forms]
+        if (law, "any") not in found and not all(isinstance(passed, bool) for passed in forms):
+            raise DataFileError(f"{folder} lacks certificates of {law}")
+    if not any("passed" in row for row in found.values()):
+        raise DataFileError(f"{folder} has no certificate")
 
 
 def _run_all(names: list[str], folder: Path, workers: int, disable: bool | None) -> dict[str, str]:
@@ -171,8 +219,10 @@ def _run_all(names: list[str], folder: Path, workers: int, disable: bool | None)
 def _run_task(name: str, folder: Path, running: set[subprocess.Popen[str]]) -> str:
     """Run one task in a process of its own; return why it failed, or nothing."""
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    # the modules of this process, never those of a folder that it happens to be run in
+    code = f"import sys; sys.path[:] = {sys.path!r}; from phcontrol.experiments.task import main; main()"
     process = subprocess.Popen(
-        [sys.executable, "-m", "phcontrol.experiments.task", name, str(folder / name), str(os.getpid())],
+        [sys.executable, "-c", code, name, str(folder / name), str(os.getpid())],
         env=os.environ | one_thread,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -196,12 +246,12 @@ def _collect(names: list[str], folder: Path, failed: dict[str, str]) -> dict[str
         if name in failed:
             continue
         try:
-            done = json.loads((folder / name / DONE).read_text())
-            if name in STUDIES:
-                claims = json.loads((folder / name / "claims.json").read_text())
-                studies.append(claims | {key: done[key] for key in ("figures", "logs", "recordings", "seeds")})
-            else:
-                certificates += json.loads((folder / name / "certificates.json").read_text())
-        except (OSError, ValueError, KeyError) as error:
-            raise DataFileError(f"cannot read what {name} left in {folder / name}: {error}") from error
+            found = read_results(folder / name)
+        except DataFileError as error:
+            failed[name] = str(error)
+            continue
+        if "study" in found:
+            studies.append(found["study"])
+        else:
+            certificates += found["certificates"]
     return {"versions": versions(), "studies": studies, "certificates": certificates, "failed": failed}

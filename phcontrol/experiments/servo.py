@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import choice
+from phcontrol._validation import choice, positive, vector
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.visual_servo import FEATURE_GOAL, OBJECT_LENGTH, VisualServo
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.experiments.position import PositionRun
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.camera_sensor import CameraSensor
@@ -82,9 +83,12 @@ def run_servo(
     chosen = dict(options or {})
     camera = chosen.get("camera") or PinholeCamera()
     camera = camera.mounted_on(system.robot, chosen.get("frame"))
-    length = float(chosen.get("object_length", OBJECT_LENGTH))
+    length = positive("object_length", chosen.get("object_length", OBJECT_LENGTH))
+    first = vector("start", start, 3)
+    if first[2] <= 0.0:
+        raise InvalidArgumentError("start", f"must have a length l > 0, of an object in front of the camera: {first}")
     size = (length, 0.2 * length, 0.25 * length)
-    scene = ObservedObject.seen_as(camera, start, system.at(system.robot.home), size)
+    scene = ObservedObject.seen_as(camera, first, system.at(system.robot.home), size)
     if "posture" not in chosen:
         chosen["posture"] = goal_posture(system, scene, goal)
     law = law_type.tuned(system, goal, interconnection=interconnection, **chosen)

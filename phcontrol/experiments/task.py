@@ -1,9 +1,8 @@
-"""One task of a reproduction, run as ``python -m phcontrol.experiments.task NAME FOLDER PARENT``."""
+"""One task of a reproduction, in a process of its own."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 import threading
 import time
@@ -15,7 +14,8 @@ from phcontrol.analysis.certify import certify
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.experiments.registry import STUDIES, run_study
-from phcontrol.experiments.reproduce import DONE, versions
+from phcontrol.experiments.reproduce import versions
+from phcontrol.experiments.task_folder import clear, finish, take
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.visualization.page import meshcat_script
@@ -23,26 +23,30 @@ from phcontrol.visualization.recording import recorded_page
 
 
 def run_task(name: str, folder: Path) -> None:
-    """Run a study or an arm's certificates, and write what came of it; the mark that it is done comes last."""
-    shutil.rmtree(folder, ignore_errors=True)
-    done: dict[str, Any] = {"versions": versions()}
+    """Run a study or an arm's certificates, and write what came of it; the mark that it is done comes last.
+
+    Raises DataFileError where the folder is not a task's.
+    """
+    take(folder, name)
+    clear(folder, name)
     if name in STUDIES:
-        done |= _study(name, folder)
+        files, content = _study(name, folder)
     else:
-        write_json(folder / "certificates.json", certificates(name.removeprefix("certificates-")))
-    write_json(folder / DONE, done)
+        rows = certificates(name.removeprefix("certificates-"))
+        files, content = [write_json(folder / "certificates.json", rows)], {}
+    finish(folder, name, files, {"versions": versions()} | content)
 
 
-def _study(name: str, folder: Path) -> dict[str, Any]:
+def _study(name: str, folder: Path) -> tuple[list[Path], dict[str, Any]]:
     outcome = run_study(name)
-    outcome.write(folder)
-    write_text(folder / "meshcat.js", meshcat_script())
+    files = [*outcome.write(folder), write_text(folder / "meshcat.js", meshcat_script())]
     recordings = []
     for log_name, log in outcome.logs.items():
-        write_text(folder / f"{log_name}.html", recorded_page(log, script="meshcat.js"))
+        files.append(write_text(folder / f"{log_name}.html", recorded_page(log, script="meshcat.js")))
         recordings.append(log_name)
     seeds = {log_name: log.metadata["seeds"] for log_name, log in outcome.logs.items() if log.metadata.get("seeds")}
-    return {"figures": list(outcome.figures), "logs": list(outcome.logs), "recordings": recordings, "seeds": seeds}
+    content = {"figures": list(outcome.figures), "logs": list(outcome.logs), "recordings": recordings, "seeds": seeds}
+    return files, content
 
 
 def certificates(robot: str) -> list[dict[str, Any]]:
@@ -67,9 +71,11 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-if __name__ == "__main__":
-    threading.Thread(target=_end_with, args=(int(sys.argv[3]),), daemon=True).start()
+def main() -> None:
+    """Run the task that the command line names: NAME FOLDER PARENT."""
+    name, folder, parent = sys.argv[1:]
+    threading.Thread(target=_end_with, args=(int(parent),), daemon=True).start()
     try:
-        run_task(sys.argv[1], Path(sys.argv[2]))
+        run_task(name, Path(folder))
     except PHControlError as error:
         sys.exit(f"{type(error).__name__}: {error}")

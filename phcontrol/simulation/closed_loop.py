@@ -124,7 +124,7 @@ def simulate(
     scene_state = np.zeros(0) if scene is None else scene.initial_state()
     instruments = None if sensors is None else Instruments(sensors, dt)
     stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
-    steps = max(1, math.ceil(duration / dt - 1e-9))
+    steps = max(1, math.ceil(min(duration / dt, 1e300) - 1e-9))
     log = Log.empty(
         loop,
         steps + 1,

@@ -2,83 +2,36 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phcontrol._files import write_atomically
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
-from phcontrol.exceptions import DataFileError, PHControlError
+from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
 from phcontrol.sensors.measured import Measured
+from phcontrol.simulation.log_file import (
+    DERIVED,
+    DERIVED_VECTORS,
+    FEATURES,
+    FILTER,
+    LARGEST,
+    MEASURED,
+    PER_BODY,
+    PER_WRENCH,
+    read_log,
+    write_log,
+)
+from phcontrol.simulation.plant_record import mechanical_powers, plant_from_record, plant_record
+from phcontrol.simulation.power_balance import PowerBalance
 
 if TYPE_CHECKING:
     import pandas
 
     from phcontrol.simulation.vector_field import ClosedLoop
-
-FORMAT = "phcontrol-log-1"
-_RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
-_MEASURED, _FILTER = "measured_", "filter_"
-_FEATURES = 3
-_DERIVED = (
-    "kinetic_energy",
-    "potential_energy",
-    "storage",
-    "dissipated_power",
-    "supplied_power",
-    "friction_power",
-    "control_power",
-    "external_power",
-    "contact_force",
-    "contact_energy",
-    "contact_power",
-    "contact_work",
-)
-_DERIVED_VECTORS = ("force_output",)
-_PER_BODY, _PER_WRENCH = ("contact_forces", "contact_depths"), "wrench_forces"
-
-
-@dataclass(frozen=True)
-class PowerBalance:
-    """The rate of a stored energy against the powers that make it up, at every inner sample [W]."""
-
-    time: Array
-    rate: Array
-    """Rate of the stored energy, by finite differences of fourth order over the samples."""
-    supplied: Array
-    dissipated: Array
-
-    @property
-    def residual(self) -> Array:
-        """Difference rate − (supplied − dissipated) [W]; zero for an exact run."""
-        residual: Array = self.rate - (self.supplied - self.dissipated)
-        return residual
-
-    @property
-    def energy_drift(self) -> float:
-        """Largest |∫residual dt| [J]: how much energy appeared or vanished up to any sample.
-
-        Where a force has a kink (a touch) the residual has a narrow spike, and this says what it amounts to.
-        """
-        gained = np.cumsum(0.5 * (self.residual[1:] + self.residual[:-1]) * np.diff(self.time))
-        return float(np.abs(gained).max(initial=0.0))
-
-    @property
-    def largest_residual(self) -> float:
-        """Largest |residual| [W]."""
-        return float(np.abs(self.residual).max(initial=0.0))
-
-    @property
-    def relative_residual(self) -> float:
-        """Largest |residual| over the largest power."""
-        power = max(float(np.abs(part).max(initial=0.0)) for part in (self.rate, self.supplied, self.dissipated))
-        return self.largest_residual / power if power > 0.0 else 0.0
 
 
 class Log:
@@ -91,6 +44,8 @@ class Log:
     def __init__(self, data: dict[str, Array], metadata: dict[str, Any], loop: ClosedLoop | None = None) -> None:
         self.metadata = metadata
         """Robot, controller, integrator, step, versions."""
+        self.path: Path | None = None
+        """The file that the log was read from; None for a run of this process."""
         self._data, self._loop, self._length = data, loop, len(data["time"])
         self._states: Array = np.zeros((0, 0))
 
@@ -104,27 +59,31 @@ class Log:
         measured: Sequence[str],
         metadata: dict[str, Any],
     ) -> Log:
-        """Return a log with room for a run, to be filled by ``record``."""
-        n = loop.n
-        states: Array = np.zeros((samples, 2 * n + state_size + body_state_size))
-        data: dict[str, Array] = {
-            "time": np.zeros(samples),
+        """Return a log with room for a run, to be filled by ``record``.
+
+        Raises InvalidArgumentError where there is no room for so many samples.
+        """
+        sizes = {"torque": loop.n, "external_force": loop.n}
+        sizes |= {f"{MEASURED}{quantity}": FEATURES if quantity == "features" else loop.n for quantity in measured}
+        if loop.scene is not None:
+            sizes["features"] = FEATURES
+        if loop.sampled is not None and loop.sampled.filter is not None:
+            sizes[f"{FILTER}wished_torque"] = loop.n
+            sizes |= {f"{FILTER}{name}": 0 for name in ("status", "motion_excess", "storage_excess")}
+        n, width = loop.n, 2 * loop.n + state_size + body_state_size
+        try:
+            states: Array = np.zeros((samples, width))
+            data = {
+                name: np.zeros((samples, size) if size else samples) for name, size in ({"time": 0} | sizes).items()
+            }
+        except (MemoryError, ValueError, OverflowError) as error:
+            raise InvalidArgumentError("duration", "and dt ask for more samples than there is room for") from error
+        data |= {
             "position": states[:, :n],
             "velocity": states[:, n : 2 * n],
             "controller_state": states[:, 2 * n : 2 * n + state_size],
             "body_state": states[:, 2 * n + state_size :],
-            "torque": np.zeros((samples, n)),
-            "external_force": np.zeros((samples, n)),
         }
-        data |= {
-            f"{_MEASURED}{quantity}": np.zeros((samples, _FEATURES if quantity == "features" else n))
-            for quantity in measured
-        }
-        if loop.scene is not None:
-            data["features"] = np.zeros((samples, _FEATURES))
-        if loop.sampled is not None and loop.sampled.filter is not None:
-            data[f"{_FILTER}wished_torque"] = np.zeros((samples, n))
-            data |= {f"{_FILTER}{name}": np.zeros(samples) for name in ("status", "motion_excess", "storage_excess")}
         log = cls(data, metadata, loop)
         log._length, log._states = 0, states
         return log
@@ -146,17 +105,17 @@ class Log:
         """Write what the sensors showed at sample k."""
         for quantity, value in measured._asdict().items():
             if value is not None:
-                self._data[f"{_MEASURED}{quantity}"][k] = value
+                self._data[f"{MEASURED}{quantity}"][k] = value
 
     def record_filter(self, k: int, loop: ClosedLoop) -> None:
         """Write what the torque filter did in the period of sample k."""
         sampled, data = loop.sampled, self._data
         assert sampled is not None
         assert sampled.filtered is not None
-        data[f"{_FILTER}wished_torque"][k] = sampled.wished
-        data[f"{_FILTER}status"][k] = sampled.filtered.status
-        data[f"{_FILTER}motion_excess"][k] = sampled.filtered.motion_excess
-        data[f"{_FILTER}storage_excess"][k] = sampled.filtered.storage_excess
+        data[f"{FILTER}wished_torque"][k] = sampled.wished
+        data[f"{FILTER}status"][k] = sampled.filtered.status
+        data[f"{FILTER}motion_excess"][k] = sampled.filtered.motion_excess
+        data[f"{FILTER}storage_excess"][k] = sampled.filtered.storage_excess
 
     def truncated(self) -> Log:
         """Return the part that was recorded."""
@@ -216,7 +175,7 @@ class Log:
     @property
     def measured(self) -> dict[str, Array]:
         """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
-        return {name[len(_MEASURED) :]: array for name, array in self._data.items() if name.startswith(_MEASURED)}
+        return {name[len(MEASURED) :]: array for name, array in self._data.items() if name.startswith(MEASURED)}
 
     @property
     def filter_activity(self) -> dict[str, Array]:
@@ -226,7 +185,7 @@ class Log:
         "motion_excess" (N,): predicted velocity beyond its bounds [rad/s]; "storage_excess" (N,): power given to H_d
         beyond what the law was dissipating [W].
         """
-        return {name[len(_FILTER) :]: array for name, array in self._data.items() if name.startswith(_FILTER)}
+        return {name[len(FILTER) :]: array for name, array in self._data.items() if name.startswith(FILTER)}
 
     def true_measurement(self, k: int) -> Measured:
         """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
@@ -328,12 +287,29 @@ class Log:
 
     @lazy
     def _derived(self) -> dict[str, Array]:
-        if all(name in self._data for name in (*_DERIVED, *_DERIVED_VECTORS)):
-            nothing = np.zeros((len(self.time), 0))
-            stored = {name: self._data[name] for name in (*_DERIVED, *_DERIVED_VECTORS)}
-            stored |= {name: self._data.get(name, nothing) for name in _PER_BODY}
-            return stored | {name: self._data[name] for name in ("goal", _PER_WRENCH) if name in self._data}
-        rows = [self.derive(k) for k in range(len(self.time))]
+        if all(name in self._data for name in (*DERIVED, *DERIVED_VECTORS, *PER_BODY)):
+            kept = (*DERIVED, *DERIVED_VECTORS, *PER_BODY, "goal", PER_WRENCH)
+            return {name: self._data[name] for name in kept if name in self._data}
+        if self._length < len(self.time):
+            raise PHControlError("the run is still going on: use derive(k) for the energies of one sample")
+        if len(self) == 0:
+            raise PHControlError("this log holds no sample")
+        rows = [self.derive(k) for k in range(len(self))]
+        for array in self._data.values():
+            array.flags.writeable = False  # what follows from the samples is kept, so they may change no more
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    @lazy
+    def _mechanical(self) -> dict[str, Array]:
+        """Energies and powers of the arm, from the samples: never those that a file holds."""
+        if self._loop is not None:
+            return self._derived
+        plant = plant_from_record(self.metadata)
+        states = [plant.at(q, v) for q, v in zip(self.position, self.velocity, strict=True)]
+        rows = [
+            mechanical_powers(x, torque, force)
+            for x, torque, force in zip(states, self.torque, self.external_force, strict=True)
+        ]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     def row(self, k: int) -> dict[str, Any]:
@@ -357,14 +333,10 @@ class Log:
         parts = np.split(self.body_state[k], np.cumsum([body.state_size for body in loop.bodies]))[: len(loop.bodies)]
         touches = [body.touch(x, part) for body, part in zip(loop.bodies, parts, strict=False)]
         row: dict[str, Any] = {
-            "kinetic_energy": x.kinetic_energy,
-            "potential_energy": x.potential_energy,
+            **mechanical_powers(x, self.torque[k], force),
             "storage": loop.controller.storage(t, view, state, measured),
             "dissipated_power": target.gradient @ target.dissipation @ target.gradient,
             "supplied_power": target.gradient @ (target.port @ force + target.driven()),
-            "friction_power": 0.0 if x.damping is None else x.velocity @ (x.damping * x.velocity),
-            "control_power": x.output @ self.torque[k],
-            "external_power": x.velocity @ force,
             "contact_force": sum((touch.magnitude for touch in touches), 0.0),
             "contact_energy": sum((touch.stored for touch in touches), 0.0),
             "contact_power": sum((touch.dissipated for touch in touches), 0.0),
@@ -388,17 +360,24 @@ class Log:
         ``of="plant"`` checks the arm alone: Ḣ = yᵀu + q̇ᵀf_e − q̇ᵀD q̇, whatever the torque.
         ``of="all"`` checks arm and touched bodies together, whose contact forces are inner ones.
         The residual is of the order of dt⁴ where everything is smooth, and larger where a force jumps.
+
+        Of a log that was read from a file, energies and powers of the arm are computed anew from positions,
+        velocities and torques, with the arm that the file describes. H_d and what the bodies store are the
+        file's own: their law and their shapes are not in it.
+
+        Raises PHControlError for fewer than five samples, and where a file cannot describe its arm (friction or
+        potentials of the user's own).
         """
         choice("energy", of, ("storage", "plant", "all"))
         if of == "storage":
             stored, supplied, lost = self.storage, self.supplied_power, self.dissipated_power
-        elif of == "all":
-            stored = self.kinetic_energy + self.potential_energy + self.contact_energy
-            supplied = self.control_power + self.external_power - self._derived["contact_work"]
-            lost = self.friction_power + self.contact_power
         else:
-            stored = self.kinetic_energy + self.potential_energy
-            supplied, lost = self.control_power + self.external_power, self.friction_power
+            arm = self._mechanical
+            stored = arm["kinetic_energy"] + arm["potential_energy"]
+            supplied, lost = arm["control_power"] + arm["external_power"], arm["friction_power"]
+        if of == "all":
+            stored, supplied = stored + self.contact_energy, supplied - self._derived["contact_work"]
+            lost = lost + self.contact_power
         if len(stored) < 5:
             raise PHControlError("a power balance needs at least five samples")
         step = self.time[1] - self.time[0]
@@ -409,32 +388,38 @@ class Log:
     # --- files --------------------------------------------------------------------------------------
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the log with its energies to an ``.npz`` file, atomically. Raises DataFileError."""
-        prefixes = (_MEASURED, _FILTER)
-        kept = [name for name in self._data if name in (*_RECORDED, "features") or name.startswith(prefixes)]
-        data = {name: self._data[name] for name in kept} | self._derived
-        limit = None if self._loop is None or self._loop.torque_limit is None else self._loop.torque_limit
-        metadata = self.metadata | {"format": FORMAT}
-        if limit is not None:
-            metadata["torque_limit"] = [value if np.isfinite(value) else 1e300 for value in limit.tolist()]
-        data["metadata"] = np.frombuffer(json.dumps(metadata).encode(), dtype=np.uint8)
-        return write_atomically(path, lambda file: np.savez_compressed(file, **data))  # type: ignore[arg-type]
+        """Write the log with its energies to an ``.npz`` file, atomically, with a hash over all of it.
+
+        Raises DataFileError when it cannot be written, or holds no sample.
+        """
+        if len(self) == 0:
+            raise DataFileError(f"cannot write {path}: this log holds no sample")
+        metadata = dict(self.metadata)
+        if self._loop is not None:
+            limit = self._loop.torque_limit
+            if limit is not None:
+                metadata["torque_limit"] = [value if np.isfinite(value) else 1e300 for value in limit.tolist()]
+            metadata["plant"] = plant_record(self._loop.plant)
+        return write_log(path, self._data | self._derived, metadata)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Log:
-        """Read a log that ``save`` wrote. Raises DataFileError; nothing in the file is executed."""
-        try:
-            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-                data = {name: np.asarray(file[name]) for name in file.files}
-            metadata = json.loads(data.pop("metadata").tobytes().decode())
-        except Exception as error:  # damaged archives raise a dozen kinds
-            raise DataFileError(f"cannot read {path} as a log: {error}") from error
-        if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-            raise DataFileError(f"cannot read {path}: not a log of format {FORMAT}")
-        problem = _problem(data, metadata)
-        if problem:
-            raise DataFileError(f"cannot read {path}: {problem}")
-        return cls(data, metadata)
+    def load(cls, path: str | os.PathLike[str], *, largest: int = LARGEST) -> Log:
+        """Read a log that ``save`` wrote; nothing in the file is executed, and nothing that it names is opened.
+
+        A file whose content is not what its hash says is refused; so is a log of an older format, which has none.
+        The hash finds what was changed by mistake or by hand, not who wrote the file: whoever computes it anew can
+        write any log. See ``power_balance`` for what is recomputed.
+
+        Args:
+            path: of the file.
+            largest: bytes that it may unpack to; a longer log of one's own is read with more.
+
+        Raises DataFileError.
+        """
+        data, metadata = read_log(path, largest)
+        log = cls(data, metadata)
+        log.path = Path(path)
+        return log
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the log as a pandas DataFrame indexed by time (needs pandas)."""
@@ -449,38 +434,5 @@ class Log:
         if "features" in self._data:
             columns |= {f"features/{name}": self.features[:, i] for i, name in enumerate(("mu", "nu", "length"))}
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
-        columns |= {name: self._derived[name] for name in _DERIVED}
+        columns |= {name: self._derived[name] for name in DERIVED}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
-
-
-def _problem(data: dict[str, Array], metadata: dict[str, Any]) -> str:
-    """Return what is wrong with the content of a log file; empty when nothing is."""
-    missing = [name for name in (*_RECORDED, *_DERIVED, *_DERIVED_VECTORS) if name not in data]
-    if missing:
-        return f"incomplete log (missing {missing})"
-    names = metadata.get("joint_names")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        return "the names of the joints are missing"
-    if not all(isinstance(metadata.get(key), str) for key in ("robot", "controller")):
-        return "the name of the robot or the controller is missing"
-    samples, n = data["time"].size, len(names)
-    for name, array in data.items():
-        if array.dtype != np.float64:
-            return f"{name} holds {array.dtype}, not float64"
-        if name in ("controller_state", "body_state"):
-            expected = (samples, *array.shape[1:2])
-        elif name in ("time", *_DERIVED) or (name.startswith(_FILTER) and not name.endswith("torque")):
-            expected = (samples,)
-        elif name.endswith("features"):
-            expected = (samples, _FEATURES)
-        elif name in _PER_BODY:
-            expected = (samples, *array.shape[1:2])
-        elif name == _PER_WRENCH:
-            expected = (samples, *array.shape[1:2], 3)
-        else:
-            expected = (samples, n)
-        if array.shape != expected or (name in ("controller_state", "body_state", *_PER_BODY) and array.ndim != 2):
-            return f"{name} has shape {array.shape}, not {expected}"
-    limit = metadata.get("torque_limit", [1.0] * n)
-    numbers = isinstance(limit, list) and all(type(value) in (int, float) for value in limit)
-    return "" if numbers and len(limit) == n else "the torque limits are no list of a number for each joint"

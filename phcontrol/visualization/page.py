@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import importlib.util
 import json
+import re
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -31,7 +32,6 @@ def page(stage: Stage, frames: Array, *, live: bool = False, script: str | None 
         "radius": max(radius, 1e-2),
         "frames": None if live else encode(frames, np.float32),
     }
-    text = _asset("player.html")
     parts = {
         "title": html.escape(stage.title),
         "style": _asset("player.css"),
@@ -41,14 +41,15 @@ def page(stage: Stage, frames: Array, *, live: bool = False, script: str | None 
         "run": _embedded(run),
         "player": _asset("player.js"),
     }
-    for name, part in parts.items():
-        text = text.replace("{{" + name + "}}", part, 1)
-    return text
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("player.html"))
 
 
 def _embedded(data: Any) -> str:
-    """Return JSON that may stand inside a script element."""
-    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    """Return JSON that may stand inside a script element. Raises PHControlError for numbers that are not finite."""
+    try:
+        return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    except ValueError as error:
+        raise PHControlError("this run cannot be shown: a number of what stands in it is not finite") from error
 
 
 def _asset(name: str) -> str:

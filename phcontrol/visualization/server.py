@@ -13,9 +13,17 @@ import webbrowser
 from pathlib import Path
 
 from phcontrol._validation import count
-from phcontrol.exceptions import PHControlError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 
 FIRST_PORT, PORTS = 7000, 20
+LAST_PORT = 65535
+
+
+def check_port(port: int) -> int:
+    """Return a port to serve on, 0 for any free one. Raises InvalidArgumentError."""
+    if count("port", port, minimum=0) > LAST_PORT:
+        raise InvalidArgumentError("port", f"must be from 0 to {LAST_PORT}, but is {port}")
+    return int(port)
 
 
 class PageServer:
@@ -24,11 +32,13 @@ class PageServer:
     Args:
         port: to listen on; 0 for any free one; by default the first free one from 7000.
 
-    Raises PHControlError when the port is taken.
+    Only this machine can open it, and only under its own names: a page from elsewhere cannot read it.
+
+    Raises InvalidArgumentError for what is no port, and PHControlError when it is taken.
     """
 
     def __init__(self, port: int | None = None) -> None:
-        ports = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [count("port", port, minimum=0)]
+        ports = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [check_port(port)]
         for candidate in ports:
             problem = self._start(candidate)
             if not problem:
@@ -41,7 +51,13 @@ class PageServer:
         """Start the process; return what went wrong, or nothing."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("_serve.py")), str(port), str(theirs.fileno())],
+            [
+                sys.executable,
+                str(Path(__file__).with_name("_serve.py")),
+                str(port),
+                str(theirs.fileno()),
+                str(os.getpid()),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=(theirs.fileno(),),
@@ -66,8 +82,11 @@ class PageServer:
         """Serve a page from now on. Once."""
         content = page.encode()
         assert self._process.stdin is not None
-        self._process.stdin.write(len(content).to_bytes(8, "big") + content)
-        self._process.stdin.flush()
+        try:
+            self._process.stdin.write(len(content).to_bytes(8, "big") + content)
+            self._process.stdin.flush()
+        except BrokenPipeError as error:
+            raise PHControlError("the process that serves the page has ended") from error
 
     def send(self, frame: bytes) -> bool:
         """Hand a frame to the browsers; return False if it was dropped because they are behind. Never waits."""

@@ -38,6 +38,12 @@ class Shape:
     faces: Array | None = None
     """Of a mesh, shape (M, 3), indices of points."""
 
+    def __post_init__(self) -> None:
+        sizes = {"box": 3, "cylinder": 2, "sphere": 1}.get(self.kind, 0)
+        points = () if self.points is None else self.points
+        if len(self.size) != sizes or not all(np.isfinite(part).all() for part in (self.size, self.pose, points)):
+            raise ValueError(f"a {self.kind} of size {self.size} at {self.pose[:3]} cannot be drawn")
+
     def to_dict(self) -> dict[str, Any]:
         """Return it for the page."""
         entry: dict[str, Any] = {
@@ -84,15 +90,17 @@ def pose_of(placement: pin.SE3) -> tuple[float, ...]:
     return tuple(float(value) for value in pin.SE3ToXYZQUAT(placement))
 
 
-def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
+def robot_shapes(robot: Robot, *, confined: bool = False) -> tuple[dict[str, list[Shape]], list[str]]:
     """Return the visual shapes of each link, and a note for each that cannot be drawn.
 
     A link without a visual shape has none here; a robot without any is drawn as lines between its joints.
+    ``confined``: of meshes, only those in the robot's package directories are opened.
     """
     import yourdfpy
 
     # meshes are found and read one by one below, so that one that is missing spares the others
-    urdf = yourdfpy.URDF.load(io.StringIO(robot.description), build_scene_graph=False, load_meshes=False)
+    with np.errstate(all="ignore"):
+        urdf = yourdfpy.URDF.load(io.StringIO(robot.description), build_scene_graph=False, load_meshes=False)
     materials = {material.name: material for material in urdf.robot.materials}
     shapes: dict[str, list[Shape]] = {}
     notes: list[str] = []
@@ -100,7 +108,7 @@ def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
         shapes[link.name] = []
         for visual in link.visuals:
             try:
-                shapes[link.name] += _visual(visual, materials, robot)
+                shapes[link.name] += _visual(visual, materials, robot, confined)
             except (OSError, ValueError, ImportError) as error:
                 notes.append(f"link {link.name} is not drawn: {error}")
     if notes:
@@ -111,7 +119,7 @@ def robot_shapes(robot: Robot) -> tuple[dict[str, list[Shape]], list[str]]:
     return shapes, notes
 
 
-def _visual(visual: Any, materials: dict[str, Any], robot: Robot) -> Iterator[Shape]:
+def _visual(visual: Any, materials: dict[str, Any], robot: Robot, confined: bool) -> Iterator[Shape]:
     origin = np.eye(4) if visual.origin is None else visual.origin
     geometry, color = visual.geometry, _color(visual.material, materials)
     pose = _pose(origin)
@@ -122,7 +130,7 @@ def _visual(visual: Any, materials: dict[str, Any], robot: Robot) -> Iterator[Sh
     elif geometry.sphere is not None:
         yield Shape("sphere", (geometry.sphere.radius,), color or GREY, pose)
     elif geometry.mesh is not None:
-        path = find_mesh(geometry.mesh.filename, robot)
+        path = find_mesh(geometry.mesh.filename, robot, confined=confined)
         scale = np.ones(3) if geometry.mesh.scale is None else np.broadcast_to(geometry.mesh.scale, (3,))
         for points, faces, own_color in read_mesh(path):
             yield Shape("mesh", (), color or own_color, pose, points * scale, faces)
@@ -141,16 +149,25 @@ def _pose(matrix: Array) -> tuple[float, ...]:
     return pose_of(pin.SE3(np.asarray(matrix[:3, :3]), np.asarray(matrix[:3, 3])))
 
 
-def find_mesh(name: str, robot: Robot) -> Path:
-    """Return where a mesh of a URDF is. Raises FileNotFoundError, naming the mesh."""
-    relative = name.removeprefix("package://").removeprefix("file://")
-    places = [Path(relative), *(directory / relative for directory in robot.package_directories)]
+def find_mesh(name: str, robot: Robot, *, confined: bool = False) -> Path:
+    """Return where a mesh of a URDF is: as its path says, else in one of the robot's package directories.
+
+    ``confined`` to these directories, a path that leads out of them, also by a link, is refused.
+    Raises FileNotFoundError, naming the mesh.
+    """
+    relative = Path(name.removeprefix("package://").removeprefix("file://"))
+    places = [relative] if relative.is_absolute() else []
+    places += [directory / relative for directory in robot.package_directories]
     if name.startswith("package://"):  # some packages are looked for by what stands behind their name
-        behind = Path(*Path(relative).parts[1:])
-        places += [directory / behind for directory in robot.package_directories]
+        places += [directory / Path(*relative.parts[1:]) for directory in robot.package_directories]
+    outside = False
     for place in places:
-        if place.is_file():
+        if confined and not any(place.resolve().is_relative_to(inner.resolve()) for inner in robot.package_directories):
+            outside = True
+        elif place.is_file():
             return place
+    if outside or (confined and not robot.package_directories):
+        raise FileNotFoundError(f"mesh {name} is not opened because a log's file names it: give the robot")
     raise FileNotFoundError(f"mesh {name} is missing")
 
 

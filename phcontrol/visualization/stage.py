@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from phcontrol._validation import Array
 from phcontrol.environments.contact_geometry import JointContact, geometry_from_record
-from phcontrol.exceptions import PHControlError
-from phcontrol.mechanics.loading import robot_from_record
+from phcontrol.exceptions import PHControlError, UnknownNameError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
+from phcontrol.visualization.recorded_robot import recorded_robot
 from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, robot_shapes, tinted
 from phcontrol.visualization.touched_bodies import JointBody, SphereBody, TouchedBody
 
@@ -48,6 +48,8 @@ class Stage:
         largest_features: the largest features of the run, shape (3,) [m], for a camera whose image has no end.
         goal: whether the law has a posture to go to, drawn as a ghost.
         title: of the page.
+        confined: whether of the robot's meshes only those in its package directories are opened.
+        foreign_bodies: whether ``bodies`` may be anyone's: then no mesh that they name is opened.
     """
 
     def __init__(
@@ -60,6 +62,8 @@ class Stage:
         largest_features: Array | None = None,
         goal: bool = False,
         title: str = "",
+        confined: bool = False,
+        foreign_bodies: bool = False,
     ) -> None:
         self.robot, self.title = robot, title
         self.data = robot.model.createData()
@@ -68,11 +72,11 @@ class Stage:
             for index, frame in enumerate(robot.model.frames)
             if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
         }
-        shapes, self.notes = robot_shapes(robot)
+        shapes, self.notes = robot_shapes(robot, confined=confined)
         if not any(shapes.values()):
             shapes = self._skeleton()
         self.link_shapes = {name: entries for name, entries in shapes.items() if entries and name in self._links}
-        self.trail = robot.tool_frame or list(self._links)[-1]
+        self.trail = self._drawn_frame(robot.tool_frame or list(self._links)[-1])
         self.nodes = [Node(f"robot/{link}", entries) for link, entries in self.link_shapes.items()]
         moving = [link for link in self.link_shapes if robot.model.frames[self._links[link]].parentJoint > 0]
         self._ghosts = moving if goal else []
@@ -80,13 +84,13 @@ class Stage:
         self.arrows: list[Arrow] = []
         self._contacts: list[TouchedBody] = []
         for number, record in enumerate(bodies):
-            self._add_body(number, record)
+            self._add_body(number, record, foreign_bodies)
         self.image: dict[str, Any] | None = None
         self._camera_frame = ""
         self._object: tuple[float, ...] | None = None
         if sight is not None:
             self._add_sight(sight, largest_features)
-        self._wrench_frames = tuple(wrench_frames)
+        self._wrench_frames = tuple(self._drawn_frame(frame) for frame in wrench_frames)
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
         joints_only = bool(self._contacts) and all(isinstance(contact, JointBody) for contact in self._contacts)
         self.values = [dict(value) for value in VALUES]
@@ -95,22 +99,47 @@ class Stage:
 
     @classmethod
     def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None) -> Stage:
-        """Return the stage of a log. Raises PHControlError when the log does not say what robot it is of."""
-        metadata = log.metadata
-        if robot is None:
-            if "robot_record" not in metadata:
-                raise PHControlError("this log does not hold its robot's description: give the robot")
-            robot = robot_from_record(metadata["robot_record"])
+        """Return the stage of a log.
+
+        Of a log that was read from a file, nothing that it names is opened but the meshes of a robot that is installed
+        here. Raises PHControlError when it does not say what robot it is of, or says what cannot be.
+        """
+        try:
+            return cls._of(log, robot, goal)
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError) as error:
+            if isinstance(error, PHControlError) or log.path is None:
+                raise
+            raise PHControlError(
+                f"cannot show {log.path}: what it says of its robot, bodies or camera is damaged ({error!r})"
+            ) from error
+
+    @classmethod
+    def _of(cls, log: Log, robot: Robot | None, goal: bool | None) -> Stage:
+        metadata, foreign = log.metadata, log.path is not None
+        arm = recorded_robot(log) if robot is None else robot
+        if list(arm.joint_names) != metadata["joint_names"]:
+            raise PHControlError(
+                f"this log is of the joints {metadata['joint_names']}, {arm.name} has {arm.joint_names}"
+            )
+        sight = metadata.get("sight")
         law = f"{metadata.get('controller', '')} ({metadata.get('interconnection', '')})"
         return cls(
-            robot,
+            arm,
             bodies=metadata.get("bodies", ()),
             wrench_frames=metadata.get("wrench_frames", ()),
-            sight=metadata.get("sight"),
-            largest_features=np.abs(log.features[: len(log)]).max(axis=0) if metadata.get("sight") else None,
+            sight=sight,
+            largest_features=np.nan_to_num(np.abs(log.features[: len(log)])).max(axis=0) if sight else None,
             goal=log.goal is not None if goal is None else goal,
-            title=f"{robot.name} under {law}",
+            title=f"{arm.name} under {law}",
+            confined=foreign and robot is None,
+            foreign_bodies=foreign,
         )
+
+    def _drawn_frame(self, name: str) -> str:
+        """Return the name of a frame that is placed. Raises UnknownNameError, listing them."""
+        if not isinstance(name, str) or name not in self._links:
+            raise UnknownNameError("frame", str(name), self._links, f" of {self.robot.name}")
+        return name
 
     # --- one moment ---------------------------------------------------------------------------------
 
@@ -159,26 +188,29 @@ class Stage:
 
     # --- what stands in it --------------------------------------------------------------------------
 
-    def _add_body(self, number: int, record: Mapping[str, Any]) -> None:
+    def _add_body(self, number: int, record: Mapping[str, Any], foreign: bool) -> None:
         try:
-            geometry = geometry_from_record(record["geometry"])
-        except (PHControlError, KeyError, TypeError) as error:
+            contact = self._touched(number, record["geometry"], foreign)
+        except (PHControlError, LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
             self.notes.append(f"body {number} is not drawn: {error}")
-            self._contacts.append(TouchedBody())
-            return
-        contact = (
-            JointBody(self, number, geometry)
-            if isinstance(geometry, JointContact)
-            else SphereBody(number, geometry, record["geometry"])
-        )
+            contact = TouchedBody()
         self._contacts.append(contact)
         self.nodes += contact.nodes
         self.arrows += contact.arrows
 
+    def _touched(self, number: int, record: Mapping[str, Any], foreign: bool) -> TouchedBody:
+        if foreign and record.get("shape") == "mesh":
+            raise PHControlError(f"its mesh {record.get('path')} is not opened because a log's file names it")
+        geometry = geometry_from_record(record)
+        if isinstance(geometry, JointContact):
+            return JointBody(self, number, geometry)
+        self._drawn_frame(geometry.frame)
+        return SphereBody(number, geometry, record)
+
     def _add_sight(self, sight: Mapping[str, Any], largest: Array | None) -> None:
         """Draw the camera's frustum and the object, and say how the image plane is to be drawn."""
         camera, seen, goal = sight["camera"], sight["object"], sight["goal"]
-        self._camera_frame = camera["frame"]
+        self._camera_frame = self._drawn_frame(camera["frame"])
         marks = np.abs([value for value in (largest, goal) if value is not None] or [[1e-3] * 3]).max(axis=0)
         half = [
             known if known is not None else 1.2 * (float(marks[i]) + 0.5 * float(marks[2]))

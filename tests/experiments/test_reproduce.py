@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,11 +14,14 @@ import time
 import psutil
 import pytest
 
-from phcontrol import UnknownNameError
+from phcontrol import DataFileError, UnknownNameError
+from phcontrol._files import write_json
+from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.experiments import reproduce as module
 from phcontrol.experiments.report import report
-from phcontrol.experiments.reproduce import DONE, reproduce, task_names
+from phcontrol.experiments.reproduce import reproduce, task_names
 from phcontrol.experiments.task import certificates
+from phcontrol.experiments.task_folder import DONE, finish, take
 
 TASKS = ["certificates-pera_gripper", "fig-2-3", "fig-4-1"]
 
@@ -113,6 +118,190 @@ def test_a_task_that_fails_is_named_and_the_others_go_on(tmp_path):
     assert "FAILED: fig-2-3" in result.summary()
     assert len(result.results["certificates"]) > 0
     assert "did not run to its end" in (tmp_path / "index.html").read_text()
+
+
+# --- folders of the user's own, and results that are not whole --------------------------------------
+
+ARM = "certificates-pera_gripper"
+
+
+@pytest.fixture
+def copy(done, tmp_path):
+    """A reproduction that was finished, to be spoiled."""
+    shutil.copytree(done[0], tmp_path / "thesis")
+    assert all(module._finished(tmp_path / "thesis" / name) for name in TASKS)
+    return tmp_path / "thesis"
+
+
+def test_a_folder_of_the_users_own_is_left_as_it_is(tmp_path):
+    (tmp_path / ARM / "photos").mkdir(parents=True)
+    (tmp_path / ARM / "photos" / "one.txt").write_text("mine")
+    (tmp_path / ARM / DONE).write_text("mine too")
+    result = reproduce(tmp_path, only=[ARM], progress=False)
+    assert not result.passed
+    assert f"holds {DONE}, and was not made by phcontrol reproduce" in result.results["failed"][ARM]
+    assert (tmp_path / ARM / "photos" / "one.txt").read_text() == "mine"
+    assert (tmp_path / ARM / DONE).read_text() == "mine too"
+    assert sorted(os.listdir(tmp_path / ARM)) == [DONE, "photos"]
+
+
+@pytest.mark.parametrize("name", ["index.html", "claims.json"])
+def test_a_page_of_the_users_own_is_not_replaced(tmp_path, name):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(DataFileError, match=f"holds {name}, and was not made by phcontrol reproduce"):
+        reproduce(tmp_path, only=[ARM], progress=False)
+    assert os.listdir(tmp_path) == [name]
+    assert (tmp_path / name).read_text() == "mine"
+
+
+def test_tasks_run_the_code_of_this_process_wherever_it_is(tmp_path, monkeypatch):
+    """A folder named phcontrol in the working directory, another version perhaps, is nobody's code."""
+    (tmp_path / "phcontrol").mkdir()
+    (tmp_path / "phcontrol" / "__init__.py").write_text("raise SystemExit('another phcontrol')")
+    monkeypatch.chdir(tmp_path)
+    result = reproduce("out", only=[ARM], progress=False)
+    assert result.results["failed"] == {}
+    assert result.passed
+
+
+def test_what_the_user_puts_into_a_tasks_folder_stays(copy):
+    (copy / ARM / "notes.txt").write_text("mine")
+    (copy / ARM / "photos").mkdir()
+    result = reproduce(copy, only=[ARM], fresh=True, progress=False)
+    assert result.passed
+    assert (copy / ARM / "notes.txt").read_text() == "mine"
+    assert (copy / ARM / "photos").is_dir()
+
+
+@pytest.mark.parametrize("there", ["an empty folder", "our own results", "nothing"])
+def test_links_are_not_written_through(done, tmp_path, there):
+    out, other = tmp_path / "out", tmp_path / "other"
+    out.mkdir()
+    if there == "our own results":
+        shutil.copytree(done[0] / ARM, other)
+    elif there == "an empty folder":
+        other.mkdir()
+    (out / ARM).symlink_to(other)
+    before = sorted(os.listdir(other)) if other.exists() else None
+    result = reproduce(out, only=[ARM], progress=False)
+    assert "is a link or a file" in result.results["failed"][ARM]
+    assert (sorted(os.listdir(other)) if other.exists() else None) == before
+    assert not result.passed
+
+
+def test_a_link_in_a_folder_is_replaced_and_not_written_through(copy):
+    mine = copy.parent / "mine.json"
+    mine.write_text((copy / ARM / "certificates.json").read_text())
+    content = mine.read_text()
+    (copy / ARM / "certificates.json").unlink()
+    (copy / ARM / "certificates.json").symlink_to(mine)
+    (copy / "index.html").unlink()
+    (copy / "index.html").symlink_to(mine)
+    assert not module._finished(copy / ARM)
+    result = reproduce(copy, only=[ARM], progress=False)
+    assert result.run == (ARM,)
+    assert mine.read_text() == content
+    assert not (copy / ARM / "certificates.json").is_symlink()
+    assert not (copy / "index.html").is_symlink()
+
+
+def spoil(folder, name, content):
+    path = folder / name
+    path.unlink()
+    if content is os.mkfifo:
+        os.mkfifo(path)
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[" * 100_000, b"\xff\xfe", [], 5, None, {}, {"versions": module.versions()}, os.mkfifo,
+     {"versions": module.versions(), "files": {}}, {"versions": module.versions(), "files": 5},
+     {"versions": module.versions(), "files": {"../../secret": "x"}}],
+)  # fmt: skip
+def test_a_done_file_that_is_none_is_not_believed(copy, content):
+    for name in (ARM, "fig-2-3"):
+        spoil(copy / name, DONE, content)
+        assert not module._finished(copy / name)
+
+
+@pytest.mark.parametrize("content", [b"", [], [{}], 5, None, [{"law": "x", "robot": "y", "passed": True}], os.mkfifo])
+@pytest.mark.parametrize(
+    ("task", "name"), [(ARM, "certificates.json"), ("fig-2-3", "claims.json"), ("fig-4-1", "thesis.npz")]
+)
+def test_results_that_were_changed_are_not_believed(copy, task, name, content):
+    spoil(copy / task, name, content)
+    assert not module._finished(copy / task)
+
+
+def test_one_changed_letter_is_found_and_done_again(copy, done):
+    for task, name, old, new in ((ARM, "certificates.json", "true", "true "), ("fig-2-3", "claims.json", "1", "2")):
+        content = (copy / task / name).read_text()
+        assert old in content
+        (copy / task / name).write_text(content.replace(old, new, 1))
+    result = reproduce(copy, only=TASKS, progress=False)
+    assert set(result.run) == {ARM, "fig-2-3"}
+    assert result.results == done[1].results
+
+
+def sealed(folder, name, **changes):
+    """Finish a task by hand, with hashes that fit."""
+    done = json.loads((folder / DONE).read_text()) | changes
+    files = [folder / file for file in done.pop("files")]
+    done.pop("sha256")
+    finish(folder, name, files, done)
+
+
+@pytest.mark.parametrize("rows", [[], {}, [5], [{"law": "x"}], "one law left out", "one form left out", "none passed"])
+def test_certificates_that_are_not_all_there_are_not_believed(copy, rows):
+    """Also when the hashes fit."""
+    path = copy / ARM / "certificates.json"
+    whole = json.loads(path.read_text())
+    if rows == "one law left out":
+        rows = [row for row in whole if row["law"] != "energy_shaping"]
+    elif rows == "one form left out":
+        rows = [row for row in whole if (row["law"], row["interconnection"]) != ("energy_shaping", "canonical")]
+    elif rows == "none passed":
+        rows = [{"law": law, "interconnection": "any", "not_for_it": "x", "robot": "y"} for law in CONTROLLERS]
+    path.write_text(json.dumps(rows))
+    sealed(copy / ARM, ARM)
+    assert not module._finished(copy / ARM)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"figures": None}, {"figures": ["other"]}, {"logs": "thesis"}, {"recordings": [1]}]
+)
+def test_studies_that_are_not_whole_are_not_believed(copy, changes):
+    sealed(copy / "fig-4-1", "fig-4-1")
+    assert module._finished(copy / "fig-4-1")
+    sealed(copy / "fig-4-1", "fig-4-1", **changes)
+    assert not module._finished(copy / "fig-4-1")
+
+
+def test_the_folder_of_one_task_is_not_that_of_another(copy):
+    shutil.rmtree(copy / "fig-2-3")
+    shutil.copytree(copy / "fig-4-1", copy / "fig-2-3")
+    assert not module._finished(copy / "fig-2-3")
+
+
+def test_no_certificate_is_no_success(tmp_path, monkeypatch):
+    """A task that ends well and leaves nothing has failed; one that was not asked for is not counted."""
+
+    def leaves_nothing(name, folder, running):
+        take(folder / name, name)
+        finish(
+            folder / name, name, [write_json(folder / name / "certificates.json", [])], {"versions": module.versions()}
+        )
+        return ""
+
+    monkeypatch.setattr(module, "_run_task", leaves_nothing)
+    result = reproduce(tmp_path, only=[ARM], progress=False)
+    assert not result.passed
+    assert "FAILED: certificates-pera_gripper" in result.summary()
+    assert "no study was asked for" in result.summary()
 
 
 def test_unknown_tasks_are_listed(tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import io
+import json
 import os
 import re
 import tempfile
@@ -23,6 +24,8 @@ from typer.testing import CliRunner
 import phcontrol as ph
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.visualization.recording import recorded_page
+from tests.log_files import seal
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(tempfile.mkdtemp(prefix="phcontrol-fuzz-"))
@@ -136,8 +139,9 @@ class Evil:
 
 METADATA = [
     b"{}", b"[]", b"null", b"\xff\xfe", b'{"format": "phcontrol-log-1"}', b'{"format": 3}', b"[" * 100_000,
-    b'{"format": "phcontrol-log-1", "joint_names": 5}', b'{"format": "phcontrol-log-2", "joint_names": []}',
-    b'{"format": "phcontrol-log-1", "joint_names": ["a", "b"], "robot": "r", "controller": "c", "torque_limit": "x"}',
+    b'{"format": "phcontrol-log-2", "joint_names": 5}', b'{"format": "phcontrol-log-2", "joint_names": []}',
+    b'{"format": "phcontrol-log-2", "joint_names": ["a", "b"], "robot": "r", "controller": "c", "torque_limit": "x"}',
+    b'{"format": "phcontrol-log-2", "joint_names": ["a", "b"], "robot": "r", "controller": "c"}',
 ]  # fmt: skip
 ARRAYS = [
     np.array([Evil()], dtype=object), np.zeros(0), np.array("x"), np.full(3, np.nan), np.array(5.0),
@@ -155,45 +159,63 @@ def _good_log() -> tuple[bytes, dict[str, Any]]:
         return path.read_bytes(), dict(file)
 
 
-def log_file(data: bytes) -> str:
-    """Load a broken log, and look at all that is in it if it is one."""
-    choices = Choices(data)
+ENTRIES: list[Any] = [
+    None, 0, -1.0, 5, True, "", "x", "pera_shoulder", [], [1.0], [0.0, 0.0, 0.0], ["shoulder_roll"], {}, {"a": 1}, [{}],
+    [{"geometry": {"kind": "joint", "joint": "shoulder_roll", "position": 0.1, "side": "below"}}], float("nan"), 1e308,
+    [["shoulder_roll"]], "file:///etc/passwd", "../..",
+]  # fmt: skip
+
+
+def _with_changed_entry(metadata: bytes, choices: Choices) -> bytes:
+    """Return metadata with one entry replaced, at the top or inside one of its tables."""
+    content = table = json.loads(metadata)
+    for _ in range(1 + choices.below(3)):
+        key = choices.one_of(sorted(table))
+        if not (isinstance(table[key], dict) and table[key] and choices.below(3)):
+            break
+        table = table[key]
+    table[choices.one_of(sorted(table))] = choices.one_of(ENTRIES)
+    return json.dumps(content).encode()
+
+
+def _log_content(choices: Choices) -> bytes:
+    """Return a log's file, cut, damaged, or put together by hand with a hash that fits."""
     raw, arrays = _good_log()
-    arrays = dict(arrays)
-    kind = choices.below(6)
+    arrays, kind = dict(arrays), choices.below(7)
     if kind == 0:
-        content = raw[: choices.below(len(raw))]
-    elif kind == 1:
+        return raw[: choices.below(len(raw))]
+    if kind == 1:
         damaged = bytearray(raw)
         for _ in range(1 + choices.below(8)):
             damaged[choices.below(len(damaged))] = choices.below(256)
-        content = bytes(damaged)
+        return bytes(damaged)
+    name = choices.one_of(sorted(arrays))
+    if kind == 2:
+        del arrays[name]
+    elif kind == 3:
+        arrays[name] = choices.one_of(ARRAYS)
+    elif kind == 4:
+        arrays["metadata"] = np.frombuffer(choices.one_of(METADATA), dtype=np.uint8)
+    elif kind == 5:
+        changed = _with_changed_entry(arrays["metadata"].tobytes(), choices)
+        arrays["metadata"] = np.frombuffer(changed, dtype=np.uint8)
     else:
-        name = choices.one_of(sorted(arrays))
-        if kind == 2:
-            del arrays[name]
-        elif kind == 3:
-            arrays[name] = choices.one_of(ARRAYS)
-        elif kind == 4:
-            arrays["metadata"] = np.frombuffer(choices.one_of(METADATA), dtype=np.uint8)
-        else:
-            arrays[choices.one_of(["../x", "measured_", "filter_status", "other"])] = choices.one_of(ARRAYS)
-        file = io.BytesIO()
-        np.savez(file, **arrays)
-        content = file.getvalue()
+        arrays[choices.one_of(["../x", "measured_", "filter_status", "other"])] = choices.one_of(ARRAYS)
+    file = io.BytesIO()
+    np.savez(file, **(seal(arrays) if choices.below(8) else arrays))
+    return file.getvalue()
+
+
+def log_file(data: bytes) -> str:
+    """Load a broken log, and look at all that is in it if it is one."""
     path = FOLDER / "log.npz"
-    path.write_bytes(content)
+    path.write_bytes(_log_content(Choices(data)))
     try:
         log = ph.Log.load(path)
-        (
-            repr(log),
-            log.saturated,
-            log.measured,
-            log.filter_activity,
-            log.storage,
-            log.power_balance(),
-            log.to_dataframe(),
-        )
+        (repr(log), log.saturated, log.measured, log.filter_activity, log.storage, log.power_balance())
+        log.to_dataframe()
+        log.power_balance("all")
+        recorded_page(log)
     except ph.PHControlError:
         return "refused"
     finally:
