@@ -14,6 +14,10 @@ STRUCTURE_TOLERANCE = 1e-11
 """On skewness and semidefiniteness, relative to the terms of each entry: rounding leaves about 1e-14."""
 PURITY_TOLERANCE = 1e-12
 """On commands that are asked for twice."""
+RUN_TOLERANCE = 1e-2
+"""On the balance of H_d along runs, over a step: an integration by parabolas leaves less, a jump all of itself."""
+IDLE = 1e-6
+"""Share of the kinetic energy that is dissipated each second, below which there is no damping [1/s]."""
 CURVATURE_TOLERANCE = 1e-8
 """Below which the smallest scaled eigenvalue of the Hessian of H_d is taken for none."""
 
@@ -46,7 +50,7 @@ class Check:
         return ">" if self.passed else "<="
 
     def __str__(self) -> str:
-        line = f"  {self.name:<36}{self.value:>11.2e}  {self.relation} {self.bound:<8.0e} "
+        line = f"  {self.name:<40}{self.value:>11.2e}  {self.relation} {self.bound:<8.0e} "
         return line + ("ok" if self.passed else f"FAILED{' at ' + self.where if self.where else ''}")
 
 

@@ -12,21 +12,32 @@ from phcontrol.analysis.certificate import (
     CURVATURE_TOLERANCE,
     GRADIENT,
     GROWTH,
+    IDLE,
     INDEFINITENESS,
     MATCHING,
     MATCHING_TOLERANCE,
     PURITY_TOLERANCE,
+    RUN_TOLERANCE,
     SKEWNESS,
     STRUCTURE_TOLERANCE,
     Certificate,
     Check,
 )
-from phcontrol.analysis.matching import Worst, described, examine, worst_power, worst_residual
+from phcontrol.analysis.continuity import largest_jump
+from phcontrol.analysis.invariance import (
+    change_after_span,
+    change_with_force,
+    change_with_time,
+    signal_depends_on_state,
+)
+from phcontrol.analysis.matching import StateFigures, Worst, described, examine, worst_power, worst_residual
 from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error
 from phcontrol.analysis.promised import undetermined
-from phcontrol.analysis.purity import largest_hidden_need, largest_impurity, signal_depends_on_state
-from phcontrol.analysis.rest_point import ENVIRONMENT_FREQUENCY, MARGINAL, STABLE, UNSTABLE, RestPoint, find_rest
-from phcontrol.analysis.state_sampler import SampledState, StateSampler
+from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
+from phcontrol.analysis.rest_point import ENVIRONMENT_FREQUENCIES, MARGINAL, STABLE, UNSTABLE, RestPoint, find_rest
+from phcontrol.analysis.runs import balance_error, fine_motion, run_states
+from phcontrol.analysis.state_sampler import LARGEST_STATE, SampledState, StateSampler
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
@@ -34,6 +45,8 @@ from phcontrol.simulation.log import Log
 
 SAMPLES = 256
 """How many states a certificate looks at by default."""
+FEW = 16
+"""Below so many no runs are made: such a certificate is for a quick look."""
 
 
 def certify(
@@ -96,7 +109,8 @@ class _Examination:
     """One law on one plant, looked at from all sides; stops at the first thing that the law cannot answer."""
 
     def __init__(self, law: Controller, plant: MechanicalSystem, samples: int, seed: int) -> None:
-        self._law, self._plant, self._samples, self._seed = law, plant, samples, seed
+        # what a law does to the plant it was made with must not happen to the one that judges it
+        self._law, self._plant, self._samples, self._seed = law, plant.twin(), samples, seed
         self._checks: list[Check] = []
         self._at: SampledState | None = None
 
@@ -105,19 +119,19 @@ class _Examination:
         rests: list[RestPoint] = []
         conditions: dict[str, float] = {}
         try:
-            for time in law.phases:
-                acting = law.active(time)
-                units = NaturalUnits.of(acting, self._plant, time)
-                rests.append(find_rest(acting, self._plant, units, time))
+            rests = [
+                find_rest(law.active(time), self._plant, NaturalUnits.of(law.active(time), self._plant, time), *where)
+                for time in _times(law)
+                for where in _places(law.active(time), self._plant, time)
+            ]
             states = self._draw(rests[0])
-            self._checks += self._matching(states)
+            self._checks += self._matching(states, rests[0])
             self._checks += self._contract(states)
             self._checks += self._rest(rests)
             conditions = _conditions(law, log)
         except Exception as problem:
             place = f" at {described(self._at)}" if self._at else ""
             error = f"{type(problem).__name__}: {problem}{place}"
-        slow = max((rest.slowest for rest in rests), default=math.inf)
         return Certificate(
             controller=law.name,
             robot=self._plant.robot.name,
@@ -127,7 +141,7 @@ class _Examination:
             region=self._region(),
             checks=tuple(self._checks),
             stability=_stability(rests),
-            slowest=slow,
+            slowest=max((rest.slowest for rest in rests), default=math.inf),
             driven_by=law.driven_by,
             caveat=law.caveat,
             error=error,
@@ -136,36 +150,57 @@ class _Examination:
 
     def _draw(self, rest: RestPoint) -> list[SampledState]:
         law, plant = self._law, self._plant
+        self._units = NaturalUnits.of(law, plant, 0.0)
         state = rest.state if law.active(0.0) is law else law.initial_state(plant.at(rest.position))
-        units = NaturalUnits.of(law, plant, 0.0)
-        sampler = StateSampler(law, plant, units, (rest.position, rest.velocity, state), rest.force)
+        sampler = StateSampler(law, plant, self._units, (rest.position, rest.velocity, state), rest.force)
+        self._rest_point = rest
         return sampler.draw(self._samples, self._seed)
 
-    def _matching(self, states: list[SampledState]) -> Iterator[Check]:
+    def _matching(self, states: list[SampledState], rest: RestPoint) -> Iterator[Check]:
+        law, plant = self._law, self._plant
+        followed, logs = run_states(law, plant, self._units, rest) if self._samples >= FEW else ([], [])
         figures = []
-        for state in states:
+        for state in [*states, *followed]:
             self._at = state
-            figures.append(examine(self._law, self._plant, state))
+            figures.append(examine(law, plant, state))
         self._at = None
-        matching = worst_residual(states, figures)
-        gradient = worst_power(states, figures, [each.slope_error for each in figures])
-        growth = worst_power(states, figures, [each.growth for each in figures], -math.inf)
+        looked_at = [*states, *followed]
+        matching = worst_residual(looked_at, figures)
+        gradient = worst_power(looked_at, figures, [each.slope_error for each in figures])
+        growth = worst_power(looked_at, figures, [each.growth for each in figures], -math.inf)
         yield Check.at_most(MATCHING, matching.value, MATCHING_TOLERANCE, matching.where)
         yield Check.at_most(GRADIENT, gradient.value, MATCHING_TOLERANCE, gradient.where)
         for name, values in (
             (SKEWNESS, [each.skewness for each in figures]),
             (INDEFINITENESS, [each.indefiniteness for each in figures]),
         ):
-            worst = _largest(states, values)
+            worst = _largest(looked_at, values)
             yield Check.at_most(name, worst.value, STRUCTURE_TOLERANCE, worst.where)
         yield Check.at_most(GROWTH, growth.value, MATCHING_TOLERANCE, growth.where)
+        jump, where = largest_jump(law, plant, states)
+        yield Check.at_most("jump of H_d between states", jump, 0.0, where)
+        if logs and len(law.phases) == 1:
+            yield Check.at_most(
+                "balance of H_d along runs", max(balance_error(run, self._units) for run in logs), RUN_TOLERANCE
+            )
+        labels = _largest(looked_at, [each.mislabelled for each in figures])
+        yield Check.at_most("target's coordinates are others", labels.value, PURITY_TOLERANCE, labels.where)
+        if not law.lacks_minimum:
+            idle = _largest(looked_at, [-each.idleness for each in figures], -math.inf)
+            yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
+        yield from self._drive(looked_at, figures)
+
+    def _drive(self, states: list[SampledState], figures: list[StateFigures]) -> Iterator[Check]:
+        drive = _largest(states, [each.drive for each in figures])
         if not self._law.driven_by:
-            undeclared = _largest(states, [each.drive for each in figures])
-            if undeclared.value > 0.0:
-                yield Check.at_most("drive that is not declared", undeclared.value, 0.0, undeclared.where)
-        else:
-            moved = _largest(states, [each.moves_momentum for each in figures])
-            yield Check.at_most("drive in rows of a momentum", moved.value, 0.0, moved.where)
+            if drive.value > 0.0:
+                yield Check.at_most("drive that is not declared", drive.value, 0.0, drive.where)
+            return
+        moved = _largest(states, [each.moves_momentum for each in figures])
+        yield Check.at_most("drive in rows of a momentum", moved.value, 0.0, moved.where)
+        yield Check.more_than("drive that is declared", drive.value, 0.0)
+        dependent = float(signal_depends_on_state(self._law, self._plant, states))
+        yield Check.at_most("drive that depends on the state", dependent, 0.0)
 
     def _contract(self, states: list[SampledState]) -> Iterator[Check]:
         law, plant = self._law, self._plant
@@ -173,41 +208,81 @@ class _Examination:
         yield Check.at_most("velocities and states not promised", missing, 0.0, where)
         impurity, where = largest_impurity(law, plant, states)
         yield Check.at_most("command that is not repeated", impurity, PURITY_TOLERANCE, where)
-        hidden, where = largest_hidden_need(law, plant, states)
-        yield Check.at_most("change by what is not needed", hidden, PURITY_TOLERANCE, where)
-        if law.driven_by:
-            dependent = float(signal_depends_on_state(law, plant, states))
-            yield Check.at_most("drive that depends on the state", dependent, 0.0)
+        if self._samples >= FEW:
+            scene = law.rest_scene(law.system.at(law.rest_posture(0.0)))
+            backwards = difference_backwards(law, plant, fine_motion(law, plant, self._units, self._rest_point, scene))
+            yield Check.at_most("command that remembers the motion", backwards, PURITY_TOLERANCE)
+        for name, figure in (
+            ("change by what is not needed", largest_hidden_need),
+            ("change with time that is not declared", change_with_time),
+            ("change of the promise with f_e", change_with_force),
+        ):
+            value, where = figure(law, plant, states)
+            yield Check.at_most(name, value, PURITY_TOLERANCE, where)
+        for name, figure in (
+            ("output of f_e that is no velocity", port_error),
+            ("passive port that is another", passive_port_error),
+            ("rise of H_d to the calmest state", calming_gain),
+        ):
+            value, where = figure(law, plant, states)
+            yield Check.at_most(name, value, MATCHING_TOLERANCE, where)
+        if law.time_span:
+            change, where = change_after_span(law)
+            yield Check.at_most("change after its time span", change, MATCHING_TOLERANCE, where)
 
     def _rest(self, rests: list[RestPoint]) -> Iterator[Check]:
+        """Yield the worst of all rest points for each line; a line that failed before one that did not."""
+        worst: dict[str, Check] = {}
         for rest in rests:
-            law = self._law.active(rest.time)
-            phase = f" from {rest.time:g} s" if rest.time else ""
-            place = f"q = {np.array2string(rest.position, precision=3)}"
-            yield Check.at_most(f"no rest near the goal{phase}", 0.0 if rest.found else 1.0, 0.0, place)
-            yield Check.at_most(f"motion where it should rest{phase}", rest.unrest, MATCHING_TOLERANCE, place)
-            if not law.lacks_minimum:
-                name = f"smallest curvature of H_d at rest{phase}"
-                yield Check.more_than(name, rest.curvature, CURVATURE_TOLERANCE, place)
+            for check in self._at_rest(rest):
+                before = worst.get(check.name)
+                if before is None or (before.passed and not check.passed):
+                    worst[check.name] = check
+        yield from worst.values()
+
+    def _at_rest(self, rest: RestPoint) -> Iterator[Check]:
+        law = self._law.active(rest.time)
+        place = f"t = {rest.time:.4g} s, q = {np.array2string(rest.position, precision=3, max_line_width=1000)}"
+        yield Check.at_most("no rest near the goal", 0.0 if rest.found else 1.0, 0.0, place)
+        yield Check.at_most("motion where it should rest", rest.unrest, MATCHING_TOLERANCE, place)
+        goal = law.rest_posture(rest.time) if rest.in_contact else law.target_posture(rest.time)
+        if goal is not None:
+            away = float(np.abs(self._plant.robot.difference(rest.position, goal)).max())
+            yield Check.at_most("distance from its goal at rest", away, MATCHING_TOLERANCE, place)
+        if not law.lacks_minimum:
+            yield Check.more_than("smallest curvature of H_d at rest", rest.curvature, CURVATURE_TOLERANCE, place)
+            yield Check.at_most("rest in contact only", float(rest.in_contact), 0.0)
+        if rest.stability == UNSTABLE or not law.lacks_minimum:
             fastest = float((rest.eigenvalues.real + (0 if law.lacks_minimum else 1) * rest.uncertainty).max())
-            if rest.stability == UNSTABLE or not law.lacks_minimum:
-                name = f"largest real part at rest{phase} [1/s]"
-                good = rest.stability == STABLE or (rest.stability == MARGINAL and bool(law.lacks_minimum))
-                yield Check(name, fastest, 0.0, good, place)
+            good = rest.stability == STABLE or (rest.stability == MARGINAL and bool(law.lacks_minimum))
+            yield Check("largest real part at rest [1/s]", fastest, 0.0, good, place)
 
     def _region(self) -> str:
         robot, law = self._plant.robot, self._law
         limits = "joint limits" if np.isfinite(robot.lower).all() else "joint limits (or a turn)"
-        times = f"t over {law.time_span:.3g} s and" if law.time_span else "t"
+        times = f"t over {law.time_span:.3g} s and later" if law.time_span else "t up to 1e5 s"
         return (
-            f"{self._samples} states, seed {self._seed}: q at the goal, at and within and 10 % beyond {limits}; speeds "
-            f"from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; controller "
-            f"states from 0 to {30} natural units; {times} up to 1e5 s"
+            f"{self._samples} states, seed {self._seed}: q at the goal and home, at, within and 10 % beyond {limits}; "
+            "speeds from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; "
+            f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}; and along short runs"
         )
 
 
-def _largest(states: list[SampledState], values: list[float]) -> Worst:
-    worst = Worst(0.0, "")
+def _times(law: Controller) -> tuple[float, ...]:
+    """Return when a law's rest is looked at: at the start of each phase; of a law that changes, along its span."""
+    if len(law.phases) > 1 or not law.time_span:
+        return law.phases
+    return tuple(share * law.time_span for share in (0.0, 0.25, 0.5, 0.75, 1.0))
+
+
+def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple[float, ...]]:
+    """Return the arguments of ``find_rest`` beside law, plant and units: with a stiff and a soft spring in contact."""
+    in_contact = law.rest_force(plant.at(law.rest_posture(time))) is not None
+    return [(time, frequency) for frequency in ENVIRONMENT_FREQUENCIES] if in_contact else [(time,)]
+
+
+def _largest(states: list[SampledState], values: list[float], lowest: float = 0.0) -> Worst:
+    worst = Worst(lowest, "")
     for state, value in zip(states, values, strict=True):
         if not value <= worst.value:
             worst = Worst(value if value == value else math.inf, described(state))
@@ -218,7 +293,8 @@ def _stability(rests: list[RestPoint]) -> str:
     """Return the worst that was found, and in what environment."""
     found = {rest.stability for rest in rests}
     worst = next((name for name in (UNSTABLE, MARGINAL, STABLE) if name in found), "unknown")
-    touched = f", on a spring that gives each joint {ENVIRONMENT_FREQUENCY:g} rad/s"
+    stiff, soft = ENVIRONMENT_FREQUENCIES
+    touched = f", on springs that give each joint {stiff:g} and {soft:g} rad/s"
     return worst + (touched if any(rest.in_contact for rest in rests) else "")
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.flow import Flow
-from phcontrol.analysis.state_sampler import SampledState
-from phcontrol.controllers.controller import Controller, Target
+from phcontrol.analysis.promise import Promise
+from phcontrol.analysis.state_sampler import SampledState, reference_velocity
+from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STRETCHES = (
@@ -22,6 +23,9 @@ _STRETCHES = (
 _CLOSE_ENOUGH = 1e-8  # of a row's terms: then no other step is tried
 _MOVING = 0.75  # quantile of a row's terms that is taken for what they are where things move
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
+_ZERO_PIVOT = 1e-13  # of the terms a pivot is made of: rounding
+_NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
+_SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
 _ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding
 
 
@@ -44,6 +48,10 @@ class StateFigures(NamedTuple):
     indefiniteness: float
     drive: float
     """Largest entry of what drives the law."""
+    idleness: float
+    """Share of the kinetic energy that is dissipated each second, ∇H_dᵀR_d∇H_d over it [1/s]; infinite at rest."""
+    mislabelled: float
+    """Largest difference of ``target().coordinates`` from ``coordinates()``."""
     moves_momentum: float
     """By how much what drives the law enters rows that depend on the velocity: as a torque, which it must not."""
 
@@ -58,11 +66,9 @@ class Worst(NamedTuple):
 def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> StateFigures:
     """Return the figures of one state."""
     flow = Flow(law, plant, at)
-    target = law.target(at.time, flow.view(0.0), at.state, flow.measured(0.0))
-    structure = target.interconnection - target.dissipation
-    promised = target.rate(at.force)
-    terms = np.abs(structure) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
-    driven = target.driven()
+    target = Promise.of(law.target(at.time, flow.view(0.0), at.state, flow.measured(0.0)), plant.n)
+    promised, driven = target.rate(at.force), target.driven
+    terms = np.abs(target.J - target.R) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
     terms += np.abs(driven)
     residual, rate, slope_error = np.full(promised.shape, np.inf), promised, np.inf
     storage_rate, power = 0.0, 0.0
@@ -86,9 +92,11 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         slope_error=slope_error,
         growth=storage_rate - supplied,
         power=power + abs(supplied),
-        skewness=_skewness(target.interconnection, target.dissipation),
-        indefiniteness=indefiniteness(target.dissipation),
+        skewness=_skewness(target.J, target.R),
+        indefiniteness=indefiniteness(target.R),
         drive=float(np.abs(driven).max(initial=0.0)),
+        idleness=_idleness(law, plant, at, target),
+        mislabelled=_relative(np.abs(flow.coordinates(0.0) - target.coordinates), np.abs(target.coordinates)),
         moves_momentum=_momentum_driven(law, at, flow, target),
     )
 
@@ -130,7 +138,8 @@ def worst_power(
 
 def described(state: SampledState) -> str:
     """Return in words where a state lies."""
-    return f"{state.stratum}; t = {state.time:.4g} s, q = {np.array2string(state.position, precision=3)}"
+    words = f"{state.stratum}; " if state.stratum else ""
+    return f"{words}t = {state.time:.4g} s, q = {np.array2string(state.position, precision=3, max_line_width=1000)}"
 
 
 def _usual(figures: Sequence[StateFigures], size: int) -> Array:
@@ -157,6 +166,7 @@ def indefiniteness(R: Array) -> float:
     negative damping in one joint is seen beside dampings of any size in others. Beside a pivot that is zero but for
     rounding nothing may stand, since |R_ij|² ≤ R_ii R_jj.
     """
+    R = np.where(np.abs(R) < _NOTHING, 0.0, R)
     diagonal = np.abs(np.diag(R))
     worst = _relative(np.abs(R - R.T), np.maximum(np.sqrt(np.outer(diagonal, diagonal)), 1e-9 * np.abs(R)))
     rest, gross = 0.5 * (R + R.T), np.array(diagonal)
@@ -179,13 +189,18 @@ def _relative(error: Array, scale: Array) -> float:
         return float((error[error > 0.0] / scale[error > 0.0]).max(initial=0.0))
 
 
-_ZERO_PIVOT = 1e-13  # of the terms a pivot is made of: rounding
+def _idleness(law: Controller, plant: MechanicalSystem, at: SampledState, target: Promise) -> float:
+    """Return what is dissipated each second of the kinetic energy along the reference; infinite without motion."""
+    slip = at.velocity - reference_velocity(law, at.time)
+    kinetic = 0.5 * float(slip @ plant.at(at.position).mass_matrix @ slip)
+    if kinetic <= 1e-12 * float(at.velocity @ at.velocity) or np.abs(slip).max() < _SLOW:
+        return np.inf
+    return float(target.gradient @ target.R @ target.gradient) / kinetic
 
 
-def _momentum_driven(law: Controller, at: SampledState, flow: Flow, target: Target) -> float:
-    """Return the largest entry of the drive in rows that depend on q̇, relative to that row's velocity derivative."""
-    drive = target.drive
-    if drive is None or not drive.port.size:
+def _momentum_driven(law: Controller, at: SampledState, flow: Flow, target: Promise) -> float:
+    """Return the largest entry of the drive in rows that depend on q̇."""
+    if not target.drive_port.size:
         return 0.0
     here, n = flow.view(0.0), len(at.velocity)
     measured, worst = flow.measured(0.0), 0.0
@@ -193,5 +208,5 @@ def _momentum_driven(law: Controller, at: SampledState, flow: Flow, target: Targ
         moved = law.system.at(here.position, here.velocity + axis)
         change = np.abs(law.coordinates(at.time, moved, at.state, measured) - target.coordinates)
         rows = change > 1e-9 * max(float(change.max()), 1e-300)
-        worst = max(worst, float(np.abs(drive.port[rows]).max(initial=0.0)))
+        worst = max(worst, float(np.abs(target.drive_port[rows]).max(initial=0.0)))
     return worst

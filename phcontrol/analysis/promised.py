@@ -13,7 +13,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
-_STATES = 3  # that are looked at
+_STATES = 6  # that are looked at
 _STEP = 1e-3
 _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
 
@@ -26,24 +26,23 @@ def undetermined(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     """
     worst, where = 0, ""
     for at in states[:: max(1, len(states) // _STATES)][:_STATES]:
-        acting, state = law.active(at.time), at.state
-        if acting is not law:
-            state = acting.initial_state(plant.at(at.position))
         measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
 
-        def coordinates(
-            y: Array, at: SampledState = at, acting: Controller = acting, measured: Measured = measured
-        ) -> Array:
-            view = acting.system.at(at.position, y[: plant.n])
-            return acting.coordinates(at.time, view, y[plant.n :], measured)
+        def coordinates(y: Array, at: SampledState = at, measured: Measured = measured) -> Array:
+            view = law.system.at(at.position, y[: plant.n])
+            return law.coordinates(at.time, view, y[plant.n :], measured)
 
-        start = np.concatenate([at.velocity, state])
+        start = np.concatenate([at.velocity, at.state])
         slope, _ = jacobian(coordinates, start, np.ones(len(start)), _STEP)
-        lengths = np.linalg.norm(slope, axis=0)
-        rank = 0
+        lengths = np.linalg.norm(slope, axis=0) if slope.size else np.zeros(len(start))
+        held = np.zeros(len(start), dtype=bool)
+        if law.active(at.time) is not law:  # a state that belongs to a law which does not act stays as it is
+            command = law.evaluate(at.time, law.system.at(at.position, at.velocity), at.state, measured)
+            held[plant.n :] = (lengths[plant.n :] == 0.0) & (command.state_rate == 0.0)
+        rank = int(held.sum())
         if slope.size and lengths.max() > 0.0:
             values = np.linalg.svd(slope / np.where(lengths > 0.0, lengths, 1.0), compute_uv=False)
-            rank = int((values > _DEPENDENT).sum())
+            rank += int((values > _DEPENDENT).sum())
         if len(start) - rank > worst:
             worst, where = len(start) - rank, at.stratum
     return worst, where

@@ -2,51 +2,68 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.state_sampler import SampledState
 from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
 _STATES = 12  # that are asked again
-_CALLS = 1000  # between the first and the last time
+_CALLS = 1000  # in between
 _SHIFT = 1e-9  # of a time that is close to another [s]
+_SEEN = np.array([1e-3, -2e-3, 3e-3])  # features that a law is shown that does not need them [m]
 
 
 def largest_impurity(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
     """Return by how much a command differs when it is asked for again, relative to itself, and where.
 
-    Asked are some of the states in order, then in reverse, after each other's times and close to them, after promises
-    and storage functions in between, and once more after a thousand calls. Arrays that are handed over cannot be
-    written to.
+    Asked are some of the states in order, then in reverse, close to each other's times, after promises and storage
+    functions in between, a thousand times in a mixed order, and twice with the very same view of the arm. Commands
+    that were handed out are looked at again: they must not change. Arrays that are handed over cannot be written to,
+    and what a view of the arm holds is compared with a fresh one.
     """
+    worst, where = 0.0, ""
+    for difference, place in _differences(law, plant, states):
+        if not difference <= worst:
+            worst, where = difference, place
+    return worst, where
+
+
+def _differences(
+    law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
+) -> Iterator[tuple[float, str]]:
     chosen = states[:: max(1, len(states) // _STATES)][:_STATES]
     questions = [_Question(law, plant, state, law.needs) for state in chosen]
-    first = [question.ask() for question in questions]
-    worst, where = 0.0, ""
-
-    def compare(question: _Question, before: Array, when: str) -> None:
-        nonlocal worst, where
-        after = question.ask()
-        difference = _difference(before, after)
-        if not difference <= worst:
-            worst, where = difference, f"{when}: {question.at.stratum}"
-
+    handed_out = [question.command() for question in questions]
+    first = [_numbers(command) for command in handed_out]
     for question, before in reversed(list(zip(questions, first, strict=True))):
         question.promise()
         question.ask(_SHIFT)
-        compare(question, before, "asked again in another order")
+        yield difference(before, question.ask()), f"asked again in another order: {question.at.stratum}"
     count = max(len(questions), int(_CALLS * min(1.0, (10.0 / plant.n) ** 2)))
     for k in range(count):
-        questions[(7 * k) % len(questions)].ask()
-    for question, before in zip(questions, first, strict=True):
-        compare(question, before, f"asked again after {count} calls")
-    return worst, where
+        which = (7 * k) % len(questions)
+        yield difference(first[which], questions[which].ask()), f"asked again, call {k} of {count}"
+    for question, before, command in zip(questions, first, handed_out, strict=True):
+        yield difference(before, _numbers(command)), f"a command that was handed out: {question.at.stratum}"
+        view = question.fresh_view()
+        question.ask(view=view)
+        yield difference(before, question.ask(view=view)), f"asked twice with the same view: {question.at.stratum}"
+        written = difference(_contents(question.fresh_view()), _contents(view))
+        yield written, f"its view was written to: {question.at.stratum}"
+
+
+def difference_backwards(law: Controller, plant: MechanicalSystem, motion: Sequence[SampledState]) -> float:
+    """Return by how much commands along a motion differ when they are asked for backwards."""
+    questions = [_Question(law, plant, state, law.needs) for state in motion]
+    forwards = [question.ask() for question in questions]
+    backwards = [question.ask() for question in reversed(questions)][::-1]
+    return max((difference(a, b) for a, b in zip(forwards, backwards, strict=True)), default=0.0)
 
 
 def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
@@ -54,24 +71,13 @@ def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequen
     worst, where = 0.0, ""
     for state in states[:: max(1, len(states) // _STATES)][:_STATES]:
         needed = _Question(law, plant, state, law.needs).ask()
-        difference = _difference(needed, _Question(law, plant, state, Measured._fields).ask())
-        if not difference <= worst:
-            worst, where = difference, state.stratum
+        question = _Question(law, plant, state, Measured._fields)
+        if question.measured.features is None:
+            question.measured = question.measured._replace(features=_SEEN)
+        changed = difference(needed, question.ask())
+        if not changed <= worst:
+            worst, where = changed, state.stratum
     return worst, where
-
-
-def signal_depends_on_state(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> bool:
-    """Return whether what drives the law changes with the state of arm or controller, time and measurements held."""
-    for here, there in itertools.pairwise(states[: _STATES + 1]):
-        question = _Question(law, plant, here, law.needs)
-        own = law.target(here.time, question.view, here.state, question.measured).drive
-        moved = law.system.at(there.position, there.velocity)
-        other = law.target(here.time, moved, there.state, question.measured).drive
-        if (own is None) != (other is None):
-            return True
-        if own is not None and other is not None and not np.array_equal(own.signal, other.signal):
-            return True
-    return False
 
 
 class _Question:
@@ -80,29 +86,45 @@ class _Question:
     def __init__(self, law: Controller, plant: MechanicalSystem, at: SampledState, shown: Sequence[str]) -> None:
         self.law, self.at = law, at
         x = plant.at(at.position, at.velocity)
-        self.view = law.system.at(at.position, at.velocity)
         self.measured = measure_truly(x, _read_only(at.force), shown, at.scene)
 
-    def ask(self, shift: float = 0.0) -> Array:
-        """Return torque and state rate, from a view of its own."""
+    def fresh_view(self) -> MechanicalState:
+        return self.law.system.at(self.at.position, self.at.velocity)
+
+    def command(self, shift: float = 0.0, view: MechanicalState | None = None) -> tuple[Array, Array]:
         at = self.at
-        view = self.law.system.at(at.position, at.velocity)
-        command = self.law.evaluate(at.time + shift, view, _read_only(at.state), self.measured)
-        return np.concatenate([command.torque, command.state_rate])
+        seen = self.fresh_view() if view is None else view
+        command = self.law.evaluate(at.time + shift, seen, _read_only(at.state), self.measured)
+        return command.torque, command.state_rate
+
+    def ask(self, shift: float = 0.0, view: MechanicalState | None = None) -> Array:
+        """Return torque and state rate in one array of their own."""
+        return _numbers(self.command(shift, view))
 
     def promise(self) -> None:
         """Ask for everything else."""
-        at = self.at
-        self.law.target(at.time, self.view, at.state, self.measured)
-        self.law.storage(at.time, self.view, at.state, self.measured)
+        at, view = self.at, self.fresh_view()
+        self.law.target(at.time, view, at.state, self.measured)
+        self.law.storage(at.time, view, at.state, self.measured)
 
 
-def _difference(before: Array, after: Array) -> float:
+def _numbers(command: tuple[Array, Array]) -> Array:
+    return np.concatenate(command)
+
+
+def _contents(view: MechanicalState) -> Array:
+    """Return what a law could have written to."""
+    held = (view.position, view.velocity, view.potential_gradient, view.mass_matrix, view.coriolis_matrix)
+    return np.concatenate([np.ravel(array) for array in held])
+
+
+def difference(before: Array, after: Array) -> float:
+    """Return the largest difference of two arrays, relative to the first; infinite for other shapes and NaN."""
     if before.shape != after.shape:
         return float("inf")
     scale = max(float(np.abs(before).max(initial=0.0)), 1e-300)
-    difference = float(np.abs(after - before).max(initial=0.0)) / scale
-    return float("inf") if np.isnan(difference) else difference
+    changed = float(np.abs(after - before).max(initial=0.0)) / scale
+    return float("inf") if np.isnan(changed) else changed
 
 
 def _read_only(array: Array) -> Array:

@@ -23,8 +23,8 @@ _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which 
 _FOUND = 1e-8  # of what a natural unit away changes
 _EXACT = 1e-12  # the same, of a zero that cannot be bettered
 _DIRECTIONS, _PROBE = 3, 0.01  # in which and how far away that is looked at
-ENVIRONMENT_FREQUENCY = 4.0
-"""Of each joint on the spring that it touches where a force-controlled law rests [rad/s]."""
+ENVIRONMENT_FREQUENCIES = (4.0, 0.5)
+"""Of each joint on the springs that it touches where a force-controlled law rests [rad/s]."""
 
 STABLE, MARGINAL, UNSTABLE = "asymptotically stable", "marginal", "unstable"
 
@@ -67,20 +67,28 @@ class RestPoint:
         return float(1.0 / fading.min()) if fading.size else np.inf
 
 
-def find_rest(law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float) -> RestPoint:
+def find_rest(
+    law: Controller,
+    plant: MechanicalSystem,
+    units: NaturalUnits,
+    time: float,
+    frequency: float = ENVIRONMENT_FREQUENCIES[0],
+) -> RestPoint:
     """Find the law's rest point from its rest posture, and linearise the true closed loop about it.
 
     Where a law rests in free motion (or with its reference) that is where ∇H_d = 0. A law that rests under a force
-    (``Controller.rest_force``) is given an elastic environment that exerts it at the rest posture, a spring of
-    M_ii·(4 rad/s)² on each joint, and rests where the closed loop's rate is 0.
+    (``Controller.rest_force``) is given an elastic environment that exerts it at the rest posture, a spring that
+    gives each joint a natural frequency [rad/s], and rests where the closed loop's rate is 0.
     """
-    return _Neighbourhood(law, plant, units, time).rest()
+    return _Neighbourhood(law, plant, units, time, frequency).rest()
 
 
 class _Neighbourhood:
     """The closed loop as a function of y = (q, q̇, controller state) at one time."""
 
-    def __init__(self, law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float) -> None:
+    def __init__(
+        self, law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float, frequency: float
+    ) -> None:
         self._law, self._plant, self._time, self._n = law, plant, time, plant.n
         posture = np.array(law.rest_posture(time))
         x = plant.at(posture)
@@ -88,7 +96,7 @@ class _Neighbourhood:
         self._posture = posture
         self._rest_force = np.zeros(self._n) if desired is None else desired
         inertia = np.diag(x.mass_matrix)
-        self._spring: Array | None = None if desired is None else ENVIRONMENT_FREQUENCY**2 * inertia
+        self._spring: Array | None = None if desired is None else frequency**2 * inertia
         self._scene = law.rest_scene(law.system.at(posture))
         self._units = units.motion
         self._start = np.concatenate([posture, np.zeros(self._n), law.initial_state(x)])

@@ -17,12 +17,14 @@ from phcontrol.vision.scene import Scene
 CLOSEST = 1e-6
 """The smallest distance, speed, force and controller state that is drawn, in natural units."""
 _FASTEST = 10.0  # at least this speed is tried [rad/s], and at least four times the limits
-_LARGEST_STATE = 30.0  # in natural units
+LARGEST_STATE = 30.0
+"""Of the controller, in natural units."""
 _LATEST = 1e5  # [s]
-_LATEST_CHANGE = 1e4  # of a law that changes with time: later ones leave no digits for differences in time [s]
+_LATEST_SPANS = 200.0  # of a law that changes with time: later ones leave no digits for differences in time
 _USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
 _FIRST_TIME = 1e-3  # of a law that changes with time: differences in time need room on both sides [s]
 _TURNS = 3.0  # of a continuous joint
+_AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
 
@@ -44,13 +46,15 @@ class StateSampler:
 
     Every field is drawn by itself from its own strata, so that all combinations occur:
 
-    - positions: the law's goal itself, within 1e-6 to 1 rad of it, on the joint limits and a little to either side of
-      them, anywhere within them, and beyond (several turns of a continuous joint);
+    - positions: the law's goal itself, within 1e-6 to 1 rad of it, about home and the way from there to the goal, on
+      the joint limits and a little to either side of them, anywhere within them, and beyond (several turns of a
+      continuous joint);
     - velocities: rest, the reference's own, 1e-6 to once the velocity limits away from either, up to twice the limits,
       and up to 10 rad/s or more;
     - states of the controller: zero, 1e-6 to 30 natural units, one entry alone;
-    - external forces: zero, tiny, up to twice the motors' limits, on one joint alone;
-    - times: zero, the whole span in which the law changes (a minute if it does not), up to 1e5 s.
+    - external forces: zero, tiny, up to twice the motors' limits, on one joint alone, or a force on the tool;
+    - times: the start and the whole of each phase of the law (a minute if it does not change), and later ones: up to
+      1e5 s, or 200 times its span.
 
     The numbers are a scrambled Sobol sequence (:mod:`scipy.stats.qmc`), which leaves no gaps in any single
     coordinate; seed and number of samples make it reproducible. The first state is the law's rest point.
@@ -94,23 +98,32 @@ class StateSampler:
         n = self._plant.n
         kinds, sizes = u[:6], u[6:_SELECTORS]
         along, aside, across, speeds, forces, own = np.split(u[_SELECTORS:], [n, 2 * n, 3 * n, 4 * n, 5 * n])
-        time, when = self._time(kinds[0], sizes[0])
+        time = self._time(kinds[0], sizes[0])
         position, where = self._position(kinds[1], sizes[1], time, along, aside, across)
         velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
-        state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, _LARGEST_STATE, "controller state")
+        state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, LARGEST_STATE, "controller state")
         force, how_pushed = _drawn(kinds[4], sizes[4], forces, self._units.force, 2.0, "f_e")
         view = self._law.system.at(position)
+        tool = self._plant.robot.tool_frame
+        if tool is not None and kinds[4] > 0.9:
+            force = self._on_tool(tool, position, force)
         scene = self._law.random_scene(view, generator, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
-        stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed, when) if word)
+        stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
         return SampledState(time, position, velocity, state, force, scene, stratum)
 
-    def _time(self, kind: float, size: float) -> tuple[float, str]:
-        first = _FIRST_TIME if self._changes else 0.0
+    def _time(self, kind: float, size: float) -> float:
+        """Return a time: the start of a phase, within a phase, or any, on a logarithmic scale."""
+        starts, span = self._law.phases, self._law.time_span
+        if not self._changes:
+            return 0.0 if kind < 0.125 else size * _USUAL_SPAN if kind < 0.75 else _log_uniform(size, 1e-3, _LATEST)
+        phase = min(int(size * len(starts)), len(starts) - 1)
+        start, within = starts[phase], size * len(starts) - phase
         if kind < 0.125:
-            return first, "at the start"
+            return start + _FIRST_TIME
         if kind < 0.75:
-            return max(first, size * (1.25 * self._law.time_span if self._changes else _USUAL_SPAN)), "under way"
-        return _log_uniform(size, 1e-3, _LATEST_CHANGE if self._changes else _LATEST), "late"
+            end = starts[phase + 1] if phase + 1 < len(starts) else max(1.25 * span, start + 1.0)
+            return start + max(_FIRST_TIME, within * (end - start))
+        return _log_uniform(size, _FIRST_TIME, max(_LATEST_SPANS * span, 1.0))
 
     def _position(
         self, kind: float, size: float, time: float, along: Array, aside: Array, across: Array
@@ -120,15 +133,29 @@ class StateSampler:
         low, high = _range(robot)
         if kind < 0.06:
             return np.array(goal), "at the goal"
-        if kind < 0.32:
-            return goal + _log_uniform(size, CLOSEST, 1.0) * unit * (2.0 * along - 1.0), "near the goal"
+        if kind < 0.3:
+            way = _log_uniform(size, CLOSEST, 1.0) * unit * _thinned(2.0 * along - 1.0, kind * 20.0 % 1.0)
+            return goal + way, "near the goal"
+        if kind < 0.38:  # where arms start, and on their way
+            start = robot.home if kind < 0.36 else np.zeros(along.size)
+            share = size if kind < 0.34 else 0.0
+            return start + share * (goal - start) + _AROUND * unit * (2.0 * along - 1.0), "near home"
         anywhere = low + (high - low) * along
-        if kind < 0.62:
+        if kind < 0.65:
             return self._at_limits(anywhere, size, aside, across), "at joint limits"
         if kind < 0.9:
             return anywhere, ""
         beyond = np.where(robot.continuous, _TURNS * 2.0 * np.pi * unit, _BEYOND * (high - low))
         return low - beyond + (high - low + 2.0 * beyond) * along, "beyond joint limits"
+
+    def _on_tool(self, frame: str, position: Array, force: Array) -> Array:
+        """Return 𝒥ᵀF of a force at a frame's origin that takes about as much of the motors as ``force`` does."""
+        lever: Array = self._plant.at(position).frame_jacobian(frame, "local_world_aligned")[:3].T
+        along = lever @ (lever.T @ force)
+        size = float(np.abs(along / self._units.force).max())
+        share = float(np.abs(force / self._units.force).max()) / size if size > 0.0 else 0.0
+        result: Array = share * along
+        return result
 
     def _at_limits(self, anywhere: Array, size: float, aside: Array, across: Array) -> Array:
         """Return positions with about half the joints on a limit, or close to it on either side."""
@@ -145,7 +172,7 @@ class StateSampler:
 
     def _velocity(self, kind: float, size: float, time: float, u: Array) -> tuple[Array, str]:
         unit, direction = self._units.speed, 2.0 * u - 1.0
-        reference = self._reference_velocity(time)
+        reference = reference_velocity(self._law, time)
         if kind < 0.1:
             return np.zeros(u.size), "at rest"
         if kind < 0.2:
@@ -158,11 +185,14 @@ class StateSampler:
         fastest = np.maximum(4.0 * unit, _FASTEST * self._units.position)
         return _log_uniform(size, 2.0, 1.0 + float((fastest / unit).max())) * unit * direction, "fast"
 
-    def _reference_velocity(self, time: float) -> Array:
-        if not self._changes:
-            return np.zeros(self._plant.n)
-        h = 0.5 * _FIRST_TIME
-        return (self._law.rest_posture(time + h) - self._law.rest_posture(time - h)) / (2.0 * h)
+
+def reference_velocity(law: Controller, time: float) -> Array:
+    """Return the velocity of the law's rest posture at a time, shape (n,) [rad/s]; 0 for a law that does not change."""
+    if not law.time_span:
+        return np.zeros(law.system.n)
+    h = 0.5 * _FIRST_TIME
+    velocity: Array = (law.rest_posture(time + h) - law.rest_posture(time - h)) / (2.0 * h)
+    return velocity
 
 
 def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name: str) -> tuple[Array, str]:

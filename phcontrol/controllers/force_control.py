@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, positive, sequence, vector
 from phcontrol.controllers.controller import Drive, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.dynamic_extension import DynamicExtension
-from phcontrol.controllers.task_potentials import JointForce, PointForce, TaskPotential
+from phcontrol.controllers.task_potentials import Holding, JointForce, PointForce, TaskPotential
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -112,6 +112,11 @@ class ForceControl(DynamicExtension):
     def lacks_minimum(self) -> str:
         """The law rests in contact only."""
         return "stability in contact: Ψ has a minimum only with the potential of what is pressed"
+
+    def rest_posture(self, t: float) -> Array:
+        """Return the posture that is held, or the arm's home [rad]."""
+        held = [potential.posture for potential in self.holding if isinstance(potential, Holding)]
+        return held[0] if held else super().rest_posture(t)
 
     def rest_force(self, x: MechanicalState) -> Array:
         """Return f_d [N·m]."""

@@ -106,6 +106,8 @@ class Holding:
         length = float(np.linalg.norm(direction))
         if length < 1e-9:
             raise InvalidArgumentError("normal", "must not be zero")
+        self.posture = np.array(reference.position)
+        """Where it holds, shape (n,) [rad]."""
         self._across = np.eye(3) - np.outer(direction, direction) / length**2
         place = reference.placement(frame)
         self._origin, self._rotation = np.array(place.translation), np.array(place.rotation)

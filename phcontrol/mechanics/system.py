@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from typing import Literal
@@ -87,6 +88,13 @@ class MechanicalSystem:
 
     def __repr__(self) -> str:
         return f"<MechanicalSystem {self.robot.name}: {self.n} joints>"
+
+    def twin(self) -> MechanicalSystem:
+        """Return the same plant with a model and a workspace of its own: what happens to one does not to the other."""
+        twin = copy.copy(self)
+        twin.model, twin.weightless_model = self.model.copy(), self.weightless_model.copy()
+        twin.data, twin._frame_ids = twin.model.createData(), {}
+        return twin
 
     def at(self, position: ArrayLike, velocity: ArrayLike | None = None) -> MechanicalState:
         """Return the state at q [rad] and q̇ [rad/s] (0 if not given); both are copied.

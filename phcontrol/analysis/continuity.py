@@ -1,0 +1,83 @@
+"""Whether H_d jumps somewhere between the states that are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.robot import wrapped
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import measure_truly
+
+_CHORDS = 24
+_POINTS = 33  # on a chord
+_SUSPECTS = 3  # intervals that are looked at more closely
+_HALVINGS = 24
+_JUMP = 1e-5  # of the range of H_d on the chord: a smooth H_d changes by 10⁻⁸ of it over so short an interval
+
+
+def largest_jump(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
+    """Return the largest jump of H_d on straight lines between states, relative to its range there, and where.
+
+    A law whose gains or goal switch keeps its promise on either side of every switch, and lets H_d jump at it. Lines
+    run through positions, velocities, controller states and time, within one phase of the law and under one force; on
+    a continuous joint they stay within half a turn of its goal, where its error wraps.
+    """
+    worst, where = 0.0, ""
+    for start, end in zip(states[: 2 * _CHORDS : 2], states[1 : 2 * _CHORDS : 2], strict=False):
+        energy = _along(law, plant, start, end)
+        jump, at = _jump_on(energy)
+        if not jump <= worst:
+            worst, where = jump, f"{at:.3f} of the way from {start.stratum} to {end.stratum}"
+    return worst, where
+
+
+def _along(
+    law: Controller, plant: MechanicalSystem, start: SampledState, end: SampledState
+) -> Callable[[float], float]:
+    """Return H_d as a function of the share of the way from one state to another."""
+    goal = law.rest_posture(start.time)
+    continuous = plant.robot.continuous
+    first = np.where(continuous, goal + 0.99 * wrapped(start.position - goal), start.position)
+    last = np.where(continuous, goal + 0.99 * wrapped(end.position - goal), end.position)
+    same_phase = law.active(start.time) is law.active(end.time)
+    later = end.time if same_phase and law.time_span else start.time
+    measured = measure_truly(plant.at(first, start.velocity), start.force, law.needs, start.scene)
+
+    def energy(share: float) -> float:
+        view = law.system.at(first + share * (last - first), start.velocity + share * (end.velocity - start.velocity))
+        state = start.state + share * (end.state - start.state)
+        return law.storage(start.time + share * (later - start.time), view, state, measured)
+
+    return energy
+
+
+def _jump_on(energy: Callable[[float], float]) -> tuple[float, float]:
+    """Return the largest jump of a function on [0, 1] relative to its range, and where: by halving suspects."""
+    shares = np.linspace(0.0, 1.0, _POINTS)
+    values = np.array([energy(share) for share in shares])
+    extent = float(values.max() - values.min())
+    if not extent > 0.0:
+        return 0.0, 0.0
+    bends = np.abs(np.diff(np.diff(values), prepend=0.0, append=0.0))
+    suspicion = np.maximum(bends[:-1], bends[1:])
+    worst, where = 0.0, 0.0
+    for interval in np.argsort(suspicion)[-_SUSPECTS:]:
+        low, high = float(shares[interval]), float(shares[interval + 1])
+        at_low, at_high = float(values[interval]), float(values[interval + 1])
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            at_middle = energy(middle)
+            if abs(at_middle - at_low) > abs(at_high - at_middle):
+                high, at_high = middle, at_middle
+            else:
+                low, at_low = middle, at_middle
+            if abs(at_high - at_low) < _JUMP * extent:
+                break
+        jump = abs(at_high - at_low) / extent
+        if jump >= _JUMP and jump > worst:
+            worst, where = jump, low
+    return worst, where
