@@ -8,12 +8,13 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.promise import Promise
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.state_sampler import SampledState, reference_velocity
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import measure_truly
 
 _STATES = 4
+_MOVING = 0.05  # [rad/s]
 
 
 def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
@@ -23,7 +24,7 @@ def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[Sample
     where the law cancels f_e: ∂y/∂q̇ is 1 or 0. Passive from f_e to anything else is no passivity in contact.
     """
     worst, where, n = 0.0, "", plant.n
-    for at in _moving(states):
+    for at in _moving(law, states):
         measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
 
         def output(velocity: Array, at: SampledState = at, measured=measured) -> Array:  # type: ignore[no-untyped-def]
@@ -43,7 +44,7 @@ def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[Sample
 def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
     """Return how far ``passive_port`` is from what target and storage function say, relative to its own terms."""
     worst, where = 0.0, ""
-    for at in _moving(states):
+    for at in _moving(law, states):
         acting, state = law.active(at.time), at.state
         if acting is not law:
             continue
@@ -52,12 +53,9 @@ def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequenc
         given = law.passive_port(at.time, view, state, measured)
         derived = Controller.passive_port(law, at.time, view, state, measured)
         for own, true in zip(given, derived, strict=True):
-            scale = max(
-                float(np.abs(np.asarray(true, dtype=float)).max()),
-                1e-9 * float(np.abs(derived.resistance).max()),
-                1e-300,
-            )
-            error = float(np.abs(np.asarray(own, dtype=float) - np.asarray(true, dtype=float)).max()) / scale
+            expected = np.asarray(true, dtype=float)
+            scale = max(float(np.abs(expected).max()), 1e-9 * float(np.abs(derived.resistance).max()), 1e-300)
+            error = float(np.abs(np.asarray(own, dtype=float) - expected).max()) / scale
             if not error <= worst:
                 worst, where = error, at.stratum
     return worst, where
@@ -66,7 +64,7 @@ def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequenc
 def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
     """Return by how much moving to ``calmest_state`` raises H_d, relative to H_d; it must not."""
     worst, where = 0.0, ""
-    for at in _moving(states):
+    for at in _moving(law, states):
         measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
         view = law.system.at(at.position, at.velocity)
         before = law.storage(at.time, view, at.state, measured)
@@ -77,7 +75,7 @@ def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     return worst, where
 
 
-def _moving(states: Sequence[SampledState]) -> list[SampledState]:
-    """Return a few states in which the arm moves."""
-    moving = [at for at in states if np.abs(at.velocity).max() > 1e-2]
+def _moving(law: Controller, states: Sequence[SampledState]) -> list[SampledState]:
+    """Return a few states in which the arm moves away from its reference."""
+    moving = [at for at in states if np.abs(at.velocity - reference_velocity(law, at.time)).max() > _MOVING]
     return moving[:: max(1, len(moving) // _STATES)][:_STATES]

@@ -25,6 +25,7 @@ _REFINEMENTS = (1, 8, 64)  # of a step that is too long
 _LEAST = 8  # samples of a run that is worth looking at
 _LONGEST_STEP = 5e-3  # [s]
 _STIFF = 0.5  # of the inverse of the fastest eigenvalue, for one step of the fourth-order method
+_WAY = 0.5  # of a natural unit, at most, for the run from home
 _AWAY = 0.3  # of a natural unit, for the run of one joint alone
 _IN_VIEW = 0.02  # of a natural unit: how far a law with eyes is taken away from its goal, and loaded
 _LITTLE = 1e-9  # of the motors' work over a natural unit: changes of H_d below that are rounding
@@ -45,7 +46,8 @@ def run_states(
     home, alone = plant.robot.home, goal.copy()
     scene = law.rest_scene(law.system.at(goal))
     if scene is None:
-        start = home if np.abs(home - goal).max() > 0.05 else plant.robot.near_home()
+        away = home if np.abs(home - goal).max() > 0.05 else plant.robot.near_home()
+        start = goal + np.clip(away - goal, -_WAY * units.position, _WAY * units.position)
         alone[-1] += _AWAY * units.position[-1]
     else:
         start = goal + _IN_VIEW * units.position
@@ -120,7 +122,7 @@ def fine_motion(
     """Return states of a run a millisecond apart: what a law that remembers would see on an arm."""
     fastest = float(np.abs(rest.eigenvalues).max(initial=0.0))
     dt = min(1e-3, _STIFF / max(fastest, 1e-300))
-    start = plant.robot.near_home() if scene is None else rest.position + _IN_VIEW
+    start = rest.position + (_AWAY if scene is None else _IN_VIEW) * units.position
     log = _run(law, plant, units, 40, dt, start, rest.velocity, rest.force, scene)
     return [
         SampledState(
