@@ -181,7 +181,7 @@ class _Examination:
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
         if logs and len(law.phases) == 1 and "features" not in law.needs:  # which near a loss are no smooth run
             yield Check.at_most(
-                "balance of H_d along runs", max(balance_error(run, self._units) for run in logs), RUN_TOLERANCE
+                "balance of H_d along runs", max(balance_error(run, law, self._units) for run in logs), RUN_TOLERANCE
             )
         labels = _largest(looked_at, [each.mislabelled for each in figures])
         yield Check.at_most("target's coordinates are others", labels.value, PURITY_TOLERANCE, labels.where)

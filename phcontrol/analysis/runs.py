@@ -22,6 +22,7 @@ STATES = 12
 """That are taken from each run."""
 _STEPS = 96
 _REFINEMENTS = (1, 8, 64)  # of a step that is too long
+_HALF_TURN = 3.0  # but for the room of a step [rad]
 _LEAST = 8  # samples of a run that is worth looking at
 _LONGEST_STEP = 5e-3  # [s]
 _STIFF = 0.5  # of the inverse of the fastest eigenvalue, for one step of the fourth-order method
@@ -97,21 +98,27 @@ def _run(
                 raise
             if not last:
                 continue
-        if last or balance_error(log, units) <= RUN_TOLERANCE:
+        if last or balance_error(log, law, units) <= RUN_TOLERANCE:
             return log
     raise AssertionError
 
 
-def balance_error(log: Log, units: NaturalUnits) -> float:
+def balance_error(log: Log, law: Controller, units: NaturalUnits) -> float:
     """Return the largest |ΔH_d − ∫(supplied − dissipated)dt| over two steps, relative to what flows and changes.
 
-    The integral is Simpson's; a jump of H_d shows whole.
+    The integral is Simpson's; a jump of H_d shows whole. Up to where a continuous joint is half a turn from its goal,
+    where its error wraps.
     """
-    power, stored = log.supplied_power - log.dissipated_power, log.storage
+    robot, goal = law.system.robot, law.rest_posture(float(log.time[0]))
+    wraps = (np.abs(log.position - goal) > _HALF_TURN) & robot.continuous
+    end = int(np.argmax(wraps.any(axis=1))) if wraps.any() else len(log)
+    power, stored = (log.supplied_power - log.dissipated_power)[:end], log.storage[:end]
+    if end <= _LEAST:
+        return 0.0
     step = float(log.time[1] - log.time[0])
     work = step / 3.0 * (power[:-2] + 4.0 * power[1:-1] + power[2:])
     error = np.abs(stored[2:] - stored[:-2] - work)
-    flow = np.abs(log.supplied_power) + np.abs(log.dissipated_power)
+    flow = (np.abs(log.supplied_power) + np.abs(log.dissipated_power))[:end]
     floor = _LITTLE * float((units.force * units.position).max())
     return float(error.max() / max(float(np.ptp(stored)), 2.0 * step * float(flow.max()), floor))
 
