@@ -200,7 +200,7 @@ class Certificate:
                 for name, value in self.conditions.items()
             ),
             f"  at rest: {self.stability}{slowest}",
-            *([f"  the law failed: {self.error}"] if self.error else []),
+            *([f"  FAILED, the law raised {self.error}"] if self.error else []),
             *([f"  driven by: {self.driven_by}"] if self.driven_by else []),
             *([f"  not claimed: {self.caveat}"] if self.caveat else []),
             f"  sampled: {self.region}",

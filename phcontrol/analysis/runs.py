@@ -110,7 +110,7 @@ def balance_error(log: Log, law: Controller, units: NaturalUnits) -> float:
     where its error wraps.
     """
     robot, goal = law.system.robot, law.rest_posture(float(log.time[0]))
-    wraps = (np.abs(log.position - goal) > _HALF_TURN) & robot.continuous
+    wraps = np.logical_and(np.abs(log.position - goal) > _HALF_TURN, robot.continuous)
     end = int(np.argmax(wraps.any(axis=1))) if wraps.any() else len(log)
     power, stored = (log.supplied_power - log.dissipated_power)[:end], log.storage[:end]
     if end <= _LEAST:
