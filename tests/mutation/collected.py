@@ -83,7 +83,7 @@ class CollectedTests:
         return _key(function, str(self.tree / module)) in self._functions
 
     def run(self, module: str, before: CodeType, after: CodeType, usual: dict[str, float]) -> tuple[int, str]:
-        """Run tests (with the times [s] they usually take) with a function replaced; return exit code and failed test."""
+        """Run tests (with the times [s] they usually take) on a function's mutant; return exit code and failed test."""
 
         def run(pipe: int) -> int:
             for function in self._functions[_key(before, str(self.tree / module))]:

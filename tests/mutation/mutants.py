@@ -23,13 +23,13 @@ import json
 import os
 import shutil
 import tempfile
-import tomllib
 from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomllib
 from collected import CollectedTests, collect
 from fresh import FreshImports
 from mutation_source import (
@@ -74,6 +74,7 @@ class LineMap:
         self.tests: dict[str, dict[str, Any]] = known["tests"]
         self.sources: dict[str, str] = known["sources"]
         self.imported: dict[str, list[int]] = {}
+        self.usable: dict[str, dict[str, Any]] = {}
 
     def update(self, collected: CollectedTests, tree: Path, only: list[str]) -> None:
         """Record the tests that are new, whose file has changed or that execute a module that has changed."""
@@ -100,19 +101,20 @@ class LineMap:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 self.path.write_text(json.dumps({"sources": self.sources, "tests": self.tests}))
         print("\r", end="")
+        self.usable = {name: kept[name] for name in collected.items if kept[name]["passed"]}
 
     def executing(self, module: str, lines: set[int]) -> dict[str, float]:
         """Return the tests that execute one of a module's lines, with their times [s]; the best to try come first."""
         found = {
             name: record["seconds"]
-            for name, record in self.tests.items()
-            if record["passed"] and not lines.isdisjoint(record["lines"].get(module, ()))
+            for name, record in self.usable.items()
+            if not lines.isdisjoint(record["lines"].get(module, ()))
         }
         return self._sorted(module, found)
 
     def starting(self, module: str) -> dict[str, float]:
         """Return the tests that start processes and belong to a module's folder: what they execute is not known."""
-        found = {name: r["seconds"] for name, r in self.tests.items() if r["starts"] and r["passed"]}
+        found = {name: r["seconds"] for name, r in self.usable.items() if r["starts"]}
         top = len(Path(module).parts) == 2
         return self._sorted(module, {name: s for name, s in found.items() if top or _is_near(module, name)})
 
@@ -236,7 +238,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of a module's path")
     parser.add_argument("--skip", nargs="*", default=[], help="parts of the paths of modules to leave out")
     parser.add_argument("--tests", nargs="+", default=["tests"], help="test files and folders to use")
-    parser.add_argument("--budget", type=float, default=30.0, help="usual time [s] of the tests that try one mutant")
+    parser.add_argument("--budget", type=float, default=10.0, help="usual time [s] of the tests that try one mutant")
     parser.add_argument("--map", type=Path, default=MAP, help="where the map of executed lines is kept")
     parser.add_argument("--out", type=Path, default=MAP.with_name("mutants.jsonl"))
     parser.add_argument("--retry", type=Path, help="a file of results: try its survivors again and rewrite it")
