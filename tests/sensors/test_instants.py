@@ -75,6 +75,9 @@ def test_frames_that_overtake_none_show_the_newest_that_has_arrived():
     shown = shown_at(sensor, [0.25, 0.5, 0.75, 0.875, 1.125])
     expected = [elsewhere[0]] * 3 + [elsewhere[1], elsewhere[2]]
     np.testing.assert_allclose(shown, expected, atol=1e-12)
+    source = iter(elsewhere)
+    shown = shown_at(sensor, [0.25, 0.5, 1.2])  # two arrive together
+    np.testing.assert_allclose(shown, [elsewhere[0], elsewhere[0], elsewhere[2]], atol=1e-12)
 
 
 def test_a_camera_sees_what_is_in_its_image_alone():

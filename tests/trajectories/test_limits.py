@@ -137,6 +137,12 @@ def test_joints_without_a_limit_are_not_reported_and_with_one_are():
     assert not np.isfinite(robot.lower).all()
 
 
+def test_by_default_it_looks_a_thousand_times(shoulder):
+    """At steps of a thousandth of the duration: where a swing turns round after a quarter, a sample is."""
+    peaks = check_limits(Sinusoid([1.0, 1.0], 0.5, phase=0.0), shoulder).peaks
+    assert [peak.time for peak in peaks[:2]] == pytest.approx([0.5, 0.5], abs=1e-12)
+
+
 def test_it_takes_two_samples_at_least_and_a_duration(shoulder):
     with pytest.raises(InvalidArgumentError, match="samples: must be an integer >= 2"):
         check_limits(Still(), shoulder, samples=1)

@@ -22,6 +22,7 @@ from phcontrol import (
 from phcontrol._differences import central_difference
 from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
 
+PERA = load_robot("pera")
 TIMES = [0.5, 1.0, 1.8, 2.0, 3.1, 4.0, 4.5]
 WAYPOINTS = np.array([[0.0, 0.3], [0.5, 0.1], [-0.2, 0.4], [0.1, 0.8], [1.0, -1.0], [0.4, 0.0], [0.0, 0.3]])
 FINE = np.linspace(0.0, 6.0, 61)
@@ -183,6 +184,9 @@ def test_a_trajectory_of_ones_own_is_looked_at():
         (lambda: MinimumJerk([0.0], [1.0], 0.0), "travel_time: must be > 0"),
         (lambda: MinimumJerk([0.0], [1.0, 2.0], 1.0), r"goal: must have shape \(1,\)"),
         (lambda: MinimumJerk(0.0, 1.0, 1.0), "origin: must be a vector"),
+        (lambda: MinimumJerk([], [], 1.0), "origin: must be a vector"),
+        (lambda: MinimumJerk.within_limits(PERA, PERA.home, PERA.home, fraction=0.0), "fraction: must be > 0"),
+        (lambda: MinimumJerk.within_limits(PERA, PERA.home, PERA.home, fraction=-0.5), "fraction: must be > 0"),
         (lambda: CubicSpline([0.0, 0.0, 1.0], np.zeros((3, 2))), "times: must increase"),
         (lambda: CubicSpline([0.0, 1.0], np.zeros((3, 2))), r"times: must have shape \(3,\)"),
         (lambda: CubicSpline([0.0, 1.0], [1.0, 2.0]), "positions: must have shape"),
