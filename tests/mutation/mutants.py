@@ -118,6 +118,10 @@ class LineMap:
         top = len(Path(module).parts) == 2
         return self._sorted(module, {name: s for name, s in found.items() if top or _is_near(module, name)})
 
+    def looking(self, module: str) -> dict[str, float]:
+        """Return the tests of what every definition must be, for a module: they execute none of its lines."""
+        return {name: record["seconds"] for name, record in self.usable.items() if _looks_at(module, name)}
+
     @staticmethod
     def _sorted(module: str, found: dict[str, float]) -> dict[str, float]:
         return dict(sorted(found.items(), key=lambda entry: (not _is_near(module, entry[0]), entry[1])))
@@ -126,6 +130,12 @@ class LineMap:
 def _is_near(module: str, test: str) -> bool:
     folder = Path(module).parts[1]
     return test.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py"))
+
+
+def _looks_at(module: str, test: str) -> bool:
+    """Report whether a test is one of what every definition must be, for a module."""
+    name = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
+    return test.startswith("tests/test_definitions.py") and test.endswith(f"[{name}]")
 
 
 def within(budget: float, usual: dict[str, float]) -> dict[str, float]:
@@ -178,6 +188,7 @@ def try_mutant(
         inside = set(enclosing(source, mutant["line"]))
         usual = lines.executing(module, inside & function_lines(source))
         usual = within(budget, usual or lines.executing(module, function_lines(source) or inside))
+        usual = lines.looking(module) | usual
     if status == 0:
         usual |= within(budget, lines.starting(module))
         if usual:
