@@ -116,6 +116,7 @@ def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]
     class Plugin:
         def pytest_runtestloop(self, session: pytest.Session) -> bool:
             recorder.stop()
+            assert not session.testsfailed, "some tests cannot be collected"
             collected = CollectedTests(tree, session.items, executed(recorder, tree))
             session.config.pluginmanager.register(collected)
             work(collected)

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import pytest
 from hypothesis import Phase, settings
 
-PYTEST = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+PYTEST = ["-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 STARTING = 60.0  # [s] to import and collect
 
 
