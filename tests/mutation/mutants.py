@@ -21,6 +21,7 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections import Counter
@@ -119,8 +120,17 @@ class LineMap:
         return self._sorted(module, {name: s for name, s in found.items() if top or _is_near(module, name)})
 
     def looking(self, module: str) -> dict[str, float]:
-        """Return the tests of what every definition must be, for a module: they execute none of its lines."""
-        return {name: record["seconds"] for name, record in self.usable.items() if _looks_at(module, name)}
+        """Return the tests that may look at a module's definitions and execute none of its lines.
+
+        They are those that import it by its name, and those of what every definition must be.
+        """
+        dotted = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
+        found = {
+            name: record["seconds"]
+            for name, record in self.usable.items()
+            if _imports(name.split("::")[0], dotted) or name.endswith(f"[{dotted}]")
+        }
+        return self._sorted(module, found)
 
     @staticmethod
     def _sorted(module: str, found: dict[str, float]) -> dict[str, float]:
@@ -132,10 +142,9 @@ def _is_near(module: str, test: str) -> bool:
     return test.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py"))
 
 
-def _looks_at(module: str, test: str) -> bool:
-    """Report whether a test is one of what every definition must be, for a module."""
-    name = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
-    return test.startswith("tests/test_definitions.py") and test.endswith(f"[{name}]")
+@lru_cache(maxsize=None)
+def _imports(test_file: str, name: str) -> bool:
+    return re.search(rf"\b{re.escape(name)}\b", (ROOT / test_file).read_text()) is not None
 
 
 def within(budget: float, usual: dict[str, float]) -> dict[str, float]:
@@ -188,7 +197,7 @@ def try_mutant(
         inside = set(enclosing(source, mutant["line"]))
         usual = lines.executing(module, inside & function_lines(source))
         usual = within(budget, usual or lines.executing(module, function_lines(source) or inside))
-        usual = lines.looking(module) | usual
+        usual = within(budget, lines.looking(module)) | usual
     if status == 0:
         usual |= within(budget, lines.starting(module))
         if usual:
@@ -209,7 +218,7 @@ def again(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ):
             text = mutated(source, mutant["operator"], mutant["occurrence"])
             if text is not None and change(source, text) == record["change"]:
-                found.append({**mutant, "folder": record["folder"], "first": record.get("first", record["outcome"])})
+                found.append({**record, **mutant, "first": record.get("first", record["outcome"])})
                 break
         else:
             print(f"gone: {record['module']}: {record['change'][1]}")
@@ -284,14 +293,11 @@ def main() -> None:
         def work(collected: CollectedTests) -> None:
             lines.update(collected, tree, options.tests)
             options.out.parent.mkdir(parents=True, exist_ok=True)
-            with options.out.open("w") as out:
-                out.writelines(json.dumps(record) + "\n" for record in done)
-                for number, mutant in enumerate(chosen, start=1):
-                    record = try_mutant(mutant, lines, collected, fresh, options.budget)
-                    out.write(json.dumps(record) + "\n")
-                    out.flush()
-                    done.append(record)
-                    print(f"\r{number} of {len(chosen)}", end="", flush=True)
+            for number, mutant in enumerate(chosen, start=1):
+                done.append(try_mutant(mutant, lines, collected, fresh, options.budget))
+                untried = chosen[number:] if options.retry else []
+                options.out.write_text("".join(json.dumps(record) + "\n" for record in done + untried))
+                print(f"\r{number} of {len(chosen)}", end="", flush=True)
             print()
 
         code = collect(tree, options.tests, work)
