@@ -25,7 +25,7 @@ import re
 import shutil
 import tempfile
 from collections import Counter
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -142,7 +142,7 @@ def _is_near(module: str, test: str) -> bool:
     return test.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py"))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _imports(test_file: str, name: str) -> bool:
     return re.search(rf"\b{re.escape(name)}\b", (ROOT / test_file).read_text()) is not None
 
