@@ -74,6 +74,9 @@ def test_an_object_is_recorded_as_it_stands():
     assert scene.record() == {"position": [0.1, 0.2, 0.3], "rotation": turn.tolist(), "size": [0.05, 0.02, 0.01]}
     assert ObservedObject(PinholeCamera(), [0.0, 0.0, 0.0]).record()["rotation"] == np.eye(3).tolist()
     assert scene.state_size == len(scene.initial_state()) == 0
+    seen = ObservedObject.seen_as(PinholeCamera(), GOAL, make_system("pera").at(make_system("pera").robot.home))
+    for usual in (ObservedObject(PinholeCamera(), [0.0, 0.0, 0.0]), seen):
+        assert usual.record()["size"] == [0.038, 0.0072, 0.010]
 
 
 @pytest.mark.parametrize("size", [[0.0, 0.01, 0.01], [0.04, -0.01, 0.01], [0.04, 0.01, 0.0]])
