@@ -88,7 +88,7 @@ class LineMap:
             for name, record in self.tests.items()
             if (name not in collected.items and only != ["tests"])
             or (name in hashes and record["hash"] == hashes[name])
-            if not changed & record["lines"].keys()
+            if record["passed"] and not changed & record["lines"].keys()
         }
         missing = [name for name in collected.items if name not in kept]
         self.tests, self.sources = kept, now
