@@ -46,9 +46,19 @@ def mutated(source: str, operator: str, occurrence: int) -> str | None:
 
 
 def change(before: str, after: str) -> list[str]:
-    """Return the lines that a mutant takes out and puts in, stripped and each joined to one line."""
-    lines = list(difflib.ndiff(before.splitlines(), after.splitlines()))
-    return [" ".join(line[2:].strip() for line in lines if line.startswith(sign)) for sign in ("- ", "+ ")]
+    """Return the lines that a mutant takes out and puts in, stripped and each joined to one line.
+
+    One that many places have (a decorator, a ``break``) comes with its neighbour.
+    """
+    old = before.splitlines()
+    lines = list(difflib.ndiff(old, after.splitlines()))
+    out, put = (" ".join(line[2:].strip() for line in lines if line.startswith(sign)) for sign in ("- ", "+ "))
+    first = next(k for k, line in enumerate(lines) if line.startswith(("- ", "+ ")))
+    if out.startswith("@"):
+        return [f"{out} {old[first + 1].strip()}", f"{put} {old[first + 1].strip()}".strip()]
+    if out in ("break", "continue", "pass"):
+        return [f"{old[first - 1].strip()} {out}", f"{old[first - 1].strip()} {put}"]
+    return [out, put]
 
 
 def changed_function(before: str, after: str) -> tuple[CodeType, CodeType] | None:

@@ -150,6 +150,24 @@ def test_smoothing_is_the_smoothing_spline_and_takes_noise_away(rng):
     assert errors["smooth"] < 0.5 * errors["rough"]
 
 
+@pytest.mark.parametrize("kind", [CubicSpline, QuinticSpline, SampledTrajectory, MinimumJerk])
+def test_two_points_of_one_joint_are_a_motion(kind):
+    motion = kind([0.25], [0.5], 2.0) if kind is MinimumJerk else kind([0.0, 2.0], [[0.25], [0.5]])
+    assert (motion.n, motion.duration) == (1, 2.0)
+    np.testing.assert_allclose(motion.at(1.0).position, [0.375], atol=1e-12)  # half way, by symmetry
+    assert Sinusoid(1.0, 0.5).n == 1
+
+
+@pytest.mark.parametrize(("kind", "least"), [(CubicSpline, 3), (QuinticSpline, 6)])
+def test_the_fewest_points_of_a_period(kind, least):
+    points = np.sin(2.0 * np.pi * np.arange(least) / (least - 1))[:, None]
+    points[-1] = points[0]
+    motion = kind(np.arange(least), points, periodic=True)
+    np.testing.assert_allclose(motion.at(1.0).position, points[1], atol=1e-12)
+    with pytest.raises(InvalidArgumentError, match=f"at least {least} points, but holds {least - 1}"):
+        kind(np.arange(least - 1), np.zeros((least - 1, 1)), periodic=True)
+
+
 class Own:
     """A trajectory of the user's, which gives what it is told to."""
 
@@ -160,6 +178,13 @@ class Own:
 
     def at(self, t):
         return self.given
+
+
+class Backwards(Own):
+    duration = -0.5
+
+    def __init__(self):
+        super().__init__(Reference(*np.zeros((3, 2))))
 
 
 def test_a_trajectory_of_ones_own_is_looked_at():
@@ -192,6 +217,11 @@ def test_a_trajectory_of_ones_own_is_looked_at():
         (lambda: CubicSpline([0.0, 1.0], [1.0, 2.0]), "positions: must have shape"),
         (lambda: QuinticSpline([0.0], np.zeros((1, 2))), "positions: must hold at least 2 points, but holds 1"),
         (lambda: QuinticSpline(TIMES, WAYPOINTS + FINE[:7, None], periodic=True), "must end where they start"),
+        (lambda: CubicSpline([0.0], [[1.0]]), "positions: must hold at least 2 points, but holds 1"),
+        (lambda: CubicSpline([0.0, 1.0], np.zeros((2, 0))), "positions: must have shape"),
+        (lambda: SampledTrajectory([0.0], [[1.0]]), "positions: must hold at least 2 points, but holds 1"),
+        (lambda: SampledTrajectory(FINE[:4], MOTION[:4], smoothing=1.0), "at least 5 points"),
+        (lambda: check_trajectory("trajectory", Backwards(), 2), "duration: must be >= 0"),
         (lambda: SampledTrajectory(FINE, MOTION, smoothing=-1.0), "smoothing: must be >= 0"),
         (lambda: SampledTrajectory(FINE[:3], MOTION[:3], smoothing=1.0), "at least 5 points"),
         (lambda: check_trajectory("trajectory", 3.0, 2), "trajectory: must be a trajectory"),

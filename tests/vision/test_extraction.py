@@ -57,7 +57,7 @@ def test_a_bright_reflection_does_not_pull():
 
 def test_the_covered_parts_of_the_outermost_pixels_count():
     """Coloured less than what counts as orange, but not nothing: at each border of the image in turn."""
-    for column, row in [(20.8, 45.0), (WIDTH - 21.8, 45.0), (60.0, 9.8), (60.0, HEIGHT - 10.8)]:
+    for column, row in [(20.3, 45.0), (WIDTH - 21.3, 45.0), (60.0, 9.3), (60.0, HEIGHT - 10.3)]:
         cover = cover_of(column, row, 40.0, 18.0, 0.0)
         np.testing.assert_allclose(found(picture(cover)), measured(cover), atol=0.02)
 
