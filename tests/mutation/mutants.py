@@ -3,6 +3,7 @@
     pip install cosmic-ray coverage
     nice -n 15 python tests/mutation/mutants.py --folders vision sensors --sample 120 --out mutants.jsonl
     nice -n 15 python tests/mutation/mutants.py --retry mutants.jsonl       # its survivors again, after new tests
+    (the first command again goes on where it was stopped)
     python tests/mutation/mutants.py --table mutants.jsonl
 
 The mutants are Cosmic Ray's. Of the ten replacements it has for each operator only the likely slips are used
@@ -207,6 +208,11 @@ def try_mutant(
     return record | {"outcome": outcome, "by": by or (f"exit {status}" if outcome == "killed" else "")}
 
 
+def place(mutant: dict[str, Any]) -> tuple[str, str, int]:
+    """Return what tells a mutant from the others."""
+    return mutant["module"], mutant["operator"], mutant["occurrence"]
+
+
 def again(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return survivors' mutants as they are in the present source; those whose line is gone are left out."""
     found = []
@@ -284,6 +290,10 @@ def main() -> None:
             order = np.random.default_rng(options.seed).permutation(len(everything))[: options.sample or None]
             chosen += [everything[i] for i in sorted(order)]
             print(f"{folder}: {len(everything)} mutants, {len(order)} tried")
+        if options.out.is_file():  # go on where an earlier run was stopped
+            keys = {place(mutant) for mutant in chosen}
+            done = [r for r in map(json.loads, options.out.read_text().splitlines()) if place(r) in keys]
+            chosen = [mutant for mutant in chosen if place(mutant) not in {place(record) for record in done}]
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder).resolve() / "tree"
         ignore = shutil.ignore_patterns(".git", ".venv", "__pycache__", "results", ".hypothesis", "site")
@@ -292,6 +302,8 @@ def main() -> None:
 
         def work(collected: CollectedTests) -> None:
             lines.update(collected, tree, options.tests)
+            if not {mutant["folder"] for mutant in chosen} & {"mechanics", "top"}:  # what loading an arm executes
+                collected.warm_up()
             options.out.parent.mkdir(parents=True, exist_ok=True)
             for number, mutant in enumerate(chosen, start=1):
                 done.append(try_mutant(mutant, lines, collected, fresh, options.budget))
