@@ -95,6 +95,17 @@ def test_seeds_and_wrenches_and_what_is_seen_are_kept(shoulder):
     assert simulate(system, plain, duration=1e-3).metadata["seeds"] == {}
 
 
+def test_what_sensors_show_needs_no_scene_beside():
+    system = make_system("pera_shoulder_elbow")
+    law = make_controller("hamiltonian_servo", system)
+    scene = ObservedObject.seen_as(law.camera, [1e-3, 2e-3, 3e-3], system.at(system.robot.home))
+    log = simulate(system, law, duration=2e-3, sensors=[CameraSensor(scene)])
+    np.testing.assert_allclose(log.measured["features"][0], [1e-3, 2e-3, 3e-3], rtol=1e-9)
+    for sensors in (None, [], [ForceSensor()]):
+        with pytest.raises(InvalidArgumentError, match="scene: hamiltonian_servo needs image features"):
+            simulate(system, law, duration=2e-3, sensors=sensors)
+
+
 class MomentumObserverOfTotal(MomentumObserver):
     """Without a seed, and of another quantity than the force sensor's."""
 
@@ -134,8 +145,9 @@ def test_the_longest_stable_step_is_that_of_the_stiffest_body(integrator):
             dt = min(0.99 * longest, 1e-2)
             simulate(system, law, duration=dt, dt=dt, bodies=bodies, integrator=integrator)
         if np.isfinite(longest):
-            with pytest.warns(UserWarning, match="is too long for the stiffest body"):
+            with pytest.warns(UserWarning, match="is too long for the stiffest body") as caught:
                 simulate(system, law, duration=longest, dt=1.01 * longest, bodies=bodies, integrator=integrator)
+            assert [warning.filename for warning in caught] == [__file__]  # it points at who called
 
 
 def test_forces_of_disturbances_and_bodies_add_and_their_states_follow_each_other(rng):
