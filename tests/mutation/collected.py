@@ -40,6 +40,7 @@ class CollectedTests:
     def __init__(self, tree: Path, items: list[pytest.Item], imported: dict[str, list[int]]) -> None:
         self.tree, self.imported = tree, imported
         self.items = {item.nodeid: item for item in items}
+        self.warmed: dict[str, list[int]] = {}
         self.failed = ""
         tame_hypothesis(items)
         self._functions: dict[tuple[str, str, int], list[FunctionType]] = {}
@@ -55,15 +56,14 @@ class CollectedTests:
             self.failed = report.nodeid
 
     def warm_up(self) -> None:
-        """Load the arms that tests share, so that no child need; what that executes counts as executed by importing."""
+        """Load the arms that tests share, so that no child need; what that executes cannot be tried here."""
         recorder = measurement(self.tree)
         recorder.start()
         conftest = importlib.import_module("tests.conftest")
         for arm in conftest.ARMS:
             conftest.make_system(arm)
         recorder.stop()
-        for module, lines in executed(recorder, self.tree).items():
-            self.imported[module] = sorted({*self.imported.get(module, ()), *lines})
+        self.warmed = executed(recorder, self.tree)
         gc.collect()
         gc.freeze()
 

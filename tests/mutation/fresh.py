@@ -28,7 +28,7 @@ class FreshImports:
         self._connection, other = multiprocessing.Pipe()
         self._process = os.fork()
         if self._process == 0:
-            with contextlib.suppress(EOFError, KeyboardInterrupt):
+            with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
                 self._connection.close()
                 self._serve(other)
             os._exit(0)

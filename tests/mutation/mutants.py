@@ -186,14 +186,14 @@ def try_mutant(
     span = set(statement(source, mutant["line"]))
     status, by, reached = 0, "", False
     if function and collected.has(module, function[0]):
-        usual = within(budget, lines.executing(module, span))
-        if usual:
-            reached = True
-            status, by = collected.run(module, *function, usual)
+        executing = within(budget, lines.executing(module, span))
+        reached, usual = bool(executing), {}
+        if executing and span & set(collected.warmed.get(module, ())):
+            usual = executing
+        elif executing:
+            status, by = collected.run(module, *function, executing)
         if status == 0 and span & set(lines.imported.get(module, ())):
             usual = within(budget, lines.executing(module, span | (set(enclosing(source, mutant["line"])))))
-        else:
-            usual = {}
     else:
         inside = set(enclosing(source, mutant["line"]))
         usual = lines.executing(module, inside & function_lines(source))
@@ -302,8 +302,7 @@ def main() -> None:
 
         def work(collected: CollectedTests) -> None:
             lines.update(collected, tree, options.tests)
-            if not {mutant["folder"] for mutant in chosen} & {"mechanics", "top"}:  # what loading an arm executes
-                collected.warm_up()
+            collected.warm_up()
             options.out.parent.mkdir(parents=True, exist_ok=True)
             for number, mutant in enumerate(chosen, start=1):
                 done.append(try_mutant(mutant, lines, collected, fresh, options.budget))
