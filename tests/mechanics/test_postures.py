@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phcontrol import RobotDescriptionError, UnknownNameError, load_robot
+from phcontrol import InvalidArgumentError, RobotDescriptionError, UnknownNameError, load_robot
 from phcontrol.mechanics import catalogue
 from phcontrol.mechanics.derivatives import cross_matrices, lower_half, motion_cross_products, right_inverse
 from phcontrol.mechanics.derivatives import right_inverse_derivative as inverse_derivative
@@ -90,11 +90,34 @@ def test_frames_are_named_and_joints_are_not_among_them(pera):
     assert not set(robot.joint_names) & set(robot.frame_names)
     for name in robot.frame_names:
         assert robot.model.frames[robot.frame_id(name)].name == name
-    for name in ("tol", 3, None):
+    for name in ("tol", 3, None, ["tool"]):
         with pytest.raises(UnknownNameError, match="unknown frame"):
             pera.frame_id(name)
     assert repr(robot) == "<Robot pera: 7 joints>"
     assert repr(pera) == "<MechanicalSystem pera: 7 joints>"
+
+
+def test_positions_and_velocities_come_as_arrays_or_as_lists(pera):
+    q, v = np.linspace(0.1, 0.7, 7), np.linspace(-1.0, 1.0, 7)
+    expected = pera.at(q, v)
+    for position in (q, q.tolist(), q.astype(np.float32).astype(float)[None][0]):
+        for velocity in (v, v.tolist(), tuple(v)):
+            x = pera.at(position, velocity)
+            np.testing.assert_allclose(x.position, expected.position, rtol=1e-6)
+            np.testing.assert_array_equal(x.velocity, expected.velocity)
+    for position, velocity in [(q[:6], v), (q, v[:6]), (q * np.nan, v), (q, v * np.inf), (q[None], v)]:
+        with pytest.raises(InvalidArgumentError, match="position: must|velocity: must"):
+            pera.at(position, velocity)
+    np.testing.assert_array_equal(pera.at(q).velocity, np.zeros(7))
+    huge = pera.at(q, np.full(7, 1e160))  # its square is not finite, it is
+    assert huge.velocity[0] == 1e160
+
+
+def test_a_mass_matrix_that_is_none_is_refused_where_it_is(shoulder):
+    x = shoulder.at([0.1, 0.2])
+    x.__dict__["mass_matrix"] = np.diag([1.0, -1.0])
+    with pytest.raises(InvalidArgumentError, match=r"the mass matrix is not positive definite at \[0\.1 0\.2\]"):
+        _ = x.factor
 
 
 def test_the_pose_of_a_frame_follows_mimic_joints(rng):
