@@ -12,8 +12,8 @@ Annotations are no code and not mutated.
 
 A map, made once and brought up to date at each start, says which tests execute which line (each test by itself, with
 empty caches), so that a mutant is tried by those tests only: first those of its own module and folder, the fastest
-first; the first failure kills. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists mutants that no
-test can kill, because they are right too, and says why.
+first; the first failure kills. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists
+mutants that no test can kill, because they are right too, and says why.
 """
 
 from __future__ import annotations
