@@ -109,8 +109,6 @@ def test_positions_and_velocities_come_as_arrays_or_as_lists(pera):
         with pytest.raises(InvalidArgumentError, match="position: must|velocity: must"):
             pera.at(position, velocity)
     np.testing.assert_array_equal(pera.at(q).velocity, np.zeros(7))
-    huge = pera.at(q, np.full(7, 1e160))  # its square is not finite, it is
-    assert huge.velocity[0] == 1e160
 
 
 def test_a_mass_matrix_that_is_none_is_refused_where_it_is(shoulder):
