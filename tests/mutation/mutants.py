@@ -123,15 +123,12 @@ class LineMap:
     def looking(self, module: str) -> dict[str, float]:
         """Return the tests that may look at a module's definitions and execute none of its lines.
 
-        They are those that import it by its name, and those of what every definition must be.
+        They are those of what every definition must be, and those that import the module by its name.
         """
         dotted = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
-        found = {
-            name: record["seconds"]
-            for name, record in self.usable.items()
-            if _imports(name.split("::")[0], dotted) or name.endswith(f"[{dotted}]")
-        }
-        return self._sorted(module, found)
+        seconds = {name: record["seconds"] for name, record in self.usable.items()}
+        every = {name: s for name, s in seconds.items() if name.endswith(f"[{dotted}]")}
+        return every | self._sorted(module, {n: s for n, s in seconds.items() if _imports(n.split("::")[0], dotted)})
 
     @staticmethod
     def _sorted(module: str, found: dict[str, float]) -> dict[str, float]:
