@@ -63,6 +63,7 @@ def test_near_home_goes_towards_the_middle_of_the_limits():
     ]:
         told = replace(robot, **{n: np.full(3, v) for n, v in (("lower", lower), ("upper", upper), ("home", home))})
         np.testing.assert_allclose(told.near_home(), np.full(3, expected), atol=1e-12)
+        np.testing.assert_array_equal(replace(told, prismatic=()).near_home(), told.near_home())
     sliding = replace(
         robot, lower=np.zeros(3), upper=np.full(3, 0.4), home=np.full(3, 0.1), prismatic=(True, False, True)
     )

@@ -191,7 +191,8 @@ def try_mutant(
         elif executing:
             status, by = collected.run(module, *function, executing)
         if status == 0 and span & set(lines.imported.get(module, ())):
-            usual = within(budget, lines.executing(module, span | (set(enclosing(source, mutant["line"])))))
+            near = lines.executing(module, span | (set(enclosing(source, mutant["line"]))))
+            usual = within(budget, near or lines.executing(module, function_lines(source)))
     else:
         inside = set(enclosing(source, mutant["line"]))
         usual = lines.executing(module, inside & function_lines(source))
