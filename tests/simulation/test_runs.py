@@ -33,7 +33,15 @@ from tests.conftest import make_system
 
 @pytest.mark.parametrize(
     ("duration", "dt", "steps"),
-    [(0.01, 1e-3, 10), (0.0101, 1e-3, 11), (0.7, 1e-3, 700), (0.003, 1e-3, 3), (1e-9, 1e-3, 1), (0.005, 5e-3, 1)],
+    [
+        (0.01, 1e-3, 10),
+        (0.0101, 1e-3, 11),
+        (0.7, 1e-3, 700),
+        (0.003, 1e-3, 3),
+        (1e-9, 1e-3, 1),
+        (1e-14, 1e-3, 1),
+        (0.005, 5e-3, 1),
+    ],
 )
 def test_a_run_takes_the_steps_that_reach_its_duration(shoulder, duration, dt, steps):
     log = simulate(shoulder, make_controller("energy_shaping", shoulder), duration=duration, dt=dt)

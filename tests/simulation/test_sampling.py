@@ -34,6 +34,9 @@ class Law:
     def calmest_state(self, t, x, state):
         return CALM
 
+    def passive_port(self, t, x, state, measured):
+        return ("port", t)
+
 
 class Filter:
     """Lets everything pass and reports an excess; notes what it was given."""
@@ -81,9 +84,13 @@ def test_the_filter_is_given_the_last_torque_and_is_clipped_after():
     control.filter, control._same_model = Filter(), True
     law.torque = np.array([1.0, 8.0])
     np.testing.assert_array_equal(control.step(0.0, x, np.zeros(0), NOTHING), [0.5, 2.0])
-    control.step(0.0, x, np.zeros(0), NOTHING)
-    assert control.filter.given[0]["previous"] is None
-    np.testing.assert_array_equal(control.filter.given[1]["previous"], [0.5, 2.0])
+    control.filter.storage = True
+    control.step(PERIOD, x, np.zeros(0), NOTHING._replace(external_force=np.ones(2)))
+    first, second = control.filter.given
+    assert first["previous"] is first["port"] is first["external_force"] is None  # without a storage condition no port
+    np.testing.assert_array_equal(second["previous"], [0.5, 2.0])
+    np.testing.assert_array_equal(second["external_force"], [1.0, 1.0])
+    assert second["port"] == ("port", PERIOD)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999, 1.0, 3.0])
