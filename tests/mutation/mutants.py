@@ -125,20 +125,27 @@ class LineMap:
 
         They are those of what every definition must be, and those that import the module by its name.
         """
-        dotted = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
+        dotted = _dotted(module)
         seconds = {name: record["seconds"] for name, record in self.usable.items()}
         every = {name: s for name, s in seconds.items() if name.endswith(f"[{dotted}]")}
         return every | self._sorted(module, {n: s for n, s in seconds.items() if _imports(n.split("::")[0], dotted)})
 
     @staticmethod
     def _sorted(module: str, found: dict[str, float]) -> dict[str, float]:
-        own = f"/test_{Path(module).stem}.py::"
+        own = f"/test_{Path(module).stem.lstrip('_')}.py::"
         return dict(sorted(found.items(), key=lambda e: (own not in e[0], not _is_near(module, e[0]), e[1])))
 
 
+def _dotted(module: str) -> str:
+    return ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
+
+
 def _is_near(module: str, test: str) -> bool:
-    folder = Path(module).parts[1]
-    return test.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py"))
+    """Report whether a test is in the module's folder of tests, or its file imports the module by its name."""
+    folder, file = Path(module).parts[1], test.split("::")[0]
+    return file.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py")) or _imports(
+        file, _dotted(module)
+    )
 
 
 @cache
