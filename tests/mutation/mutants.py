@@ -143,9 +143,8 @@ def _dotted(module: str) -> str:
 def _is_near(module: str, test: str) -> bool:
     """Report whether a test is in the module's folder of tests, or its file imports the module by its name."""
     folder, file = Path(module).parts[1], test.split("::")[0]
-    return file.startswith((f"tests/{folder}/", f"tests/test_{Path(module).stem}.py")) or _imports(
-        file, _dotted(module)
-    )
+    places = f"tests/{folder}/", f"tests/test_{Path(module).stem}.py"
+    return file.startswith(places) or _imports(file, _dotted(module))
 
 
 @cache
