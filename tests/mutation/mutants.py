@@ -11,8 +11,8 @@ The mutants are Cosmic Ray's. Of the ten replacements it has for each operator o
 Annotations are no code and not mutated.
 
 A map, made once and brought up to date at each start, says which tests execute which line (each test by itself, with
-empty caches), so that a mutant is tried by those tests only: first those of its own module and folder, the fastest
-first; the first failure kills. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists
+empty caches), so that a mutant is tried by those tests only: first those near to it, the fastest first; the
+first failure kills. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists
 mutants that no test can kill, because they are right too, and says why.
 """
 
@@ -133,7 +133,12 @@ class LineMap:
     @staticmethod
     def _sorted(module: str, found: dict[str, float]) -> dict[str, float]:
         own = f"/test_{Path(module).stem.lstrip('_')}.py::"
-        return dict(sorted(found.items(), key=lambda e: (own not in e[0], not _is_near(module, e[0]), e[1])))
+
+        def rank(entry: tuple[str, float]) -> tuple[bool, float]:
+            test, seconds = entry
+            return not _is_near(module, test), seconds / 4.0 if own in test else seconds
+
+        return dict(sorted(found.items(), key=rank))
 
 
 def _dotted(module: str) -> str:
