@@ -11,9 +11,11 @@ The mutants are Cosmic Ray's. Of the ten replacements it has for each operator o
 Annotations are no code and not mutated.
 
 A map, made once and brought up to date at each start, says which tests execute which line (each test by itself, with
-empty caches), so that a mutant is tried by those tests only: first those near to it, the fastest first; the
-first failure kills. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists
-mutants that no test can kill, because they are right too, and says why.
+empty caches), so that a mutant is tried by those tests only: first those near to it, the fastest first, up to the
+first failure. A mutant on a line that no test executes has survived. ``equivalents.toml`` lists mutants that no test
+can kill, because they are right too, and says why. With the arms that the tests share loaded, a child is forked for
+each mutant and the mutated function put in the place of the right one; what a mutant changes while modules are
+imported or arms loaded is tried in a child that imports everything anew.
 """
 
 from __future__ import annotations
