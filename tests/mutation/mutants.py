@@ -206,6 +206,7 @@ def try_mutant(
         if status == 0 and span & set(lines.imported.get(module, ())):
             near = lines.executing(module, span | (set(enclosing(source, mutant["line"]))))
             usual = within(budget, near or lines.executing(module, function_lines(source)))
+            usual |= within(budget, lines.looking(module))
     else:
         inside = set(enclosing(source, mutant["line"]))
         usual = lines.executing(module, inside & function_lines(source))

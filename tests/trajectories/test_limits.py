@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -93,6 +94,21 @@ def test_on_a_limit_is_kept_and_beyond_it_is_not(shoulder, joint, side):
     assert not broken(Still(velocity=speed * unit), shoulder)
     assert broken(Still(velocity=speed * (1.0 + 1e-8) * unit), shoulder) == [
         ("velocity", robot.joint_names[joint], speed)
+    ]
+
+
+def test_the_limit_that_a_joint_comes_nearest_to(shoulder):
+    for position, limit in [(-0.5, -1.57), (0.5, 1.57), (-1.7, -1.57), (1.7, 1.57)]:
+        peak = check_limits(Still([position, 0.0]), shoulder, samples=2).peaks[0]
+        assert (peak.value, peak.limit) == (position, limit)
+
+
+def test_rounding_is_that_of_one_where_a_limit_is_less():
+    near = MechanicalSystem(replace(load_robot("pera_shoulder"), upper=np.array([0.3, 0.0])))
+    assert not broken(Still([0.3 + 0.9e-9, 0.9e-9]), near)
+    assert broken(Still([0.3 + 1.1e-9, 1.1e-9]), near) == [
+        ("position", near.robot.joint_names[0], 0.3),
+        ("position", near.robot.joint_names[1], 0.0),
     ]
 
 

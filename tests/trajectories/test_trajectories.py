@@ -158,6 +158,19 @@ def test_two_points_of_one_joint_are_a_motion(kind):
     assert Sinusoid(1.0, 0.5).n == 1
 
 
+@pytest.mark.parametrize(("kind", "order"), [(CubicSpline, 4), (QuinticSpline, 6)])
+def test_periodic_splines_are_as_good_as_their_degree_allows(kind, order):
+    """Halving the distance of waypoints on a sine divides the error by 2^(degree + 1)."""
+    errors = []
+    for points in (17, 33):
+        times = np.linspace(0.0, 2.0 * np.pi, points)
+        waypoints = np.sin(times)[:, None]
+        waypoints[-1] = waypoints[0]
+        motion = kind(times, waypoints, periodic=True)
+        errors.append(max(abs(motion.at(t).position[0] - np.sin(t)) for t in np.linspace(0.0, 6.0, 301)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
+
+
 @pytest.mark.parametrize(("kind", "least"), [(CubicSpline, 3), (QuinticSpline, 6)])
 def test_the_fewest_points_of_a_period(kind, least):
     points = np.sin(2.0 * np.pi * np.arange(least) / (least - 1))[:, None]

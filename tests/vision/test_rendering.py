@@ -132,6 +132,8 @@ def test_grey_noise_has_its_size_in_each_colour_and_is_new_in_each_image():
     correlation = np.corrcoef([*samples, samples[0].reshape(-1, 3)[:, [1, 2, 0]].ravel()])
     assert np.abs(correlation - np.eye(5)).max() < 0.05
     np.testing.assert_array_equal(renderer.render(pin.SE3.Identity()), clean)  # no generator, no noise
+    corners = {renderer.render(pin.SE3.Identity(), generator)[:2].tobytes() for _ in range(60)}
+    assert len(corners) == 60
 
 
 def test_each_corner_is_displaced_by_itself():

@@ -53,6 +53,8 @@ def test_an_object_that_faces_the_camera_is_turned_in_the_image():
     system = make_system("pera")
     x = system.at(system.robot.home)
     scene = ObservedObject.seen_as(PinholeCamera(), GOAL, x, turn=0.3)
+    facing = ObservedObject.seen_as(PinholeCamera(), GOAL, x)
+    np.testing.assert_allclose(facing.rotation, x.placement("camera").rotation, atol=1e-12)
     length_axis = x.placement("camera").rotation.T @ scene.rotation[:, 0]
     np.testing.assert_allclose(length_axis, [np.cos(0.3), np.sin(0.3), 0.0], atol=1e-12)
 
