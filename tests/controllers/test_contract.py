@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 
@@ -161,7 +161,10 @@ def test_scenes_that_a_servo_is_tried_on_are_in_view(field_of_view, rng):
     assert make_controller("energy_shaping", system).random_scene(x, rng) is None
 
 
-@given(st.integers(0, 2**31), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
+@example(seed=0, size=1.5, nearness=0.1)  # large numbers: lengths in millimetres
+@example(seed=1, size=1.5, nearness=0.1)
+@example(seed=2, size=-1.5, nearness=0.1)
+@given(seed=st.integers(0, 2**31), size=st.floats(-2.0, 2.0), nearness=st.floats(-1.0, 1.0))
 def test_damping_near_singularities_is_the_formula_and_its_slope_the_derivative(seed, size, nearness):
     """λ² = λ₀²(1 − (σ/ε)²)² with σ the smallest singular value of W^(−½)B, for matrices of any size."""
     rng = np.random.default_rng(seed)
@@ -183,6 +186,7 @@ def test_damping_near_singularities_is_the_formula_and_its_slope_the_derivative(
         return
     if sigma >= region * (1.0 - 1e-6):
         return
+    assert found is not None
     squared, slope = found
 
     def law(square):
