@@ -101,7 +101,7 @@ class LineMap:
             if not record["passed"]:
                 print(f"\nnot used, fails by itself: {name}")
             kept[name] = {**record, "hash": hashes[name]}
-            if number % 100 == 0 or number == len(missing):
+            if number % 25 == 0 or number == len(missing):
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 self.path.write_text(json.dumps({"sources": self.sources, "tests": self.tests}))
         print("\r", end="")
