@@ -71,7 +71,8 @@ class Renderer:
             image = cv.GaussianBlur(image, (0, 0), self.blur)
         if generator is not None and self.grey_noise:
             cv.setRNGSeed(int(generator.integers(2**31)))
-            noise = cv.randn(np.empty(image.shape, dtype=np.int16), 0.0, self.grey_noise)
+            # a bare number would be the first colour's alone
+            noise = cv.randn(np.empty(image.shape, dtype=np.int16), (0.0,) * 3, (self.grey_noise,) * 3)
             image = cv.add(image, noise, dtype=cv.CV_8U)
         return image
 

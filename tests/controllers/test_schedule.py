@@ -28,6 +28,11 @@ def test_the_active_law_acts(shoulder, laws, rng):
     assert schedule.target(1.5, x, state).coordinates.size == 8
 
 
+def test_before_its_start_and_after_its_end_the_first_and_the_last_law_act(laws):
+    schedule = Schedule([(0.0, laws[0]), (1.0, laws[1])])
+    assert [schedule.active(t) for t in (-5.0, 0.0, 1.0 - 1e-9, 1.0, 99.0)] == [*[laws[0]] * 3, laws[1], laws[1]]
+
+
 def test_each_law_keeps_its_own_interconnection(rng):
     system = make_system("pera")  # on the arms of two and three joints both J̄₂ are the same matrix
     laws = [make_controller("integral_action", system, interconnection=form) for form in ("coriolis", "canonical")]

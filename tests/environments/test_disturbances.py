@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from phcontrol import InvalidArgumentError, UnknownNameError
-from phcontrol.environments.disturbances import Pulse, Sampled, Sine, Step, Wrench
+from phcontrol.environments.disturbances import Pulse, Sampled, Sine, Step, Wrench, wrenches_of
 from tests.conftest import make_system
 
 FORCE = np.array([3.0, -3.0])
@@ -40,6 +40,49 @@ def test_sampled_forces_follow_the_array():
     np.testing.assert_array_equal(linear(-0.1, X), [0.0, 0.0])
 
 
+@given(st.floats(-0.5, 3.5))
+@example(0.0)
+@example(1.0)
+@example(2.5)
+@example(3.0)
+def test_held_forces_are_those_of_the_last_sample(t):
+    times, forces = np.array([0.0, 1.0, 2.5, 3.0]), np.array([[1.0, -1.0], [2.0, -2.0], [3.0, -3.0], [4.0, -4.0]])
+    passed = [force for time, force in zip(times, forces, strict=True) if time <= t]
+    expected = passed[-1] if passed and t <= 3.0 else [0.0, 0.0]
+    np.testing.assert_array_equal(Sampled(times, forces, "hold")(t, X), expected)
+    linear = [np.interp(t, times, column, left=0.0, right=0.0) for column in forces.T]
+    np.testing.assert_allclose(Sampled(times, forces)(t, X), linear, atol=1e-12)
+
+
+def test_by_default_steps_are_there_from_the_start_and_sines_have_no_phase():
+    np.testing.assert_array_equal(Step(FORCE)(0.0, X), FORCE)
+    np.testing.assert_array_equal(Step(FORCE)(-1e-9, X), [0.0, 0.0])
+    np.testing.assert_array_equal(Sine(FORCE, 2.0)(0.0, X), [0.0, 0.0])
+
+
+def test_only_disturbances_are_added():
+    for other in (1.0, FORCE, None):
+        with pytest.raises(TypeError):
+            _ = Step(FORCE) + other
+
+
+def test_the_wrenches_in_a_sum_and_their_forces_in_the_world():
+    pull, turn = Wrench("tool", [1.0, 2.0, 3.0, 0.0, 0.0, 0.0], reference="local"), Wrench("tool", np.arange(6.0))
+    assert wrenches_of(pull + (Step(FORCE) + turn)) == (pull, turn)
+    assert wrenches_of(Step(FORCE)) == wrenches_of(None) == ()
+    rotation = X.placement("tool").rotation
+    assert np.abs(rotation - np.eye(3)).max() > 0.1
+    np.testing.assert_allclose(pull.world_force(0.0, X), rotation @ [1.0, 2.0, 3.0], atol=1e-12)
+    np.testing.assert_array_equal(turn.world_force(0.0, X), [0.0, 1.0, 2.0])
+
+
+def test_a_wrench_in_the_world_acts_at_the_worlds_origin():
+    force, moment = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.2, -0.1])
+    origin = X.placement("tool").translation
+    at_tool = Wrench("tool", np.r_[force, moment - np.cross(origin, force)])
+    np.testing.assert_allclose(Wrench("tool", np.r_[force, moment], "world")(0.0, X), at_tool(0.0, X), atol=1e-12)
+
+
 def test_a_wrench_does_the_same_work_as_its_joint_forces(rng):
     """Virtual power: Fᵀ(twist) = f_eᵀq̇, with the twist by finite differences of the frame's pose."""
     system = make_system("pera")
@@ -64,6 +107,10 @@ def test_a_wrench_does_the_same_work_as_its_joint_forces(rng):
         (lambda: Pulse(FORCE, 0.0, 0.0), "duration: must be > 0"),
         (lambda: Sine(FORCE, -1.0), "frequency: must be > 0"),
         (lambda: Sampled([0.0, 0.0], [[1.0], [2.0]]), "times: must be an increasing vector"),
+        (lambda: Sampled([1.0], [[1.0]]), "times: must be an increasing vector of at least two"),
+        (lambda: Sampled([[0.0, 1.0]], [[1.0], [2.0]]), "times: must be an increasing vector"),
+        (lambda: Sampled([1.0, 0.0], [[1.0], [2.0]]), "times: must be an increasing vector"),
+        (lambda: Sampled([0.0, 1.0], [[1.0], [2.0], [3.0]]), "forces: must have one row for each of the 2 times"),
         (lambda: Sampled([0.0, 1.0], [1.0, 2.0]), "forces: must have one row for each of the 2 times"),
         (lambda: Wrench("tool", [1.0, 2.0, 3.0]), r"wrench: must have shape \(6,\)"),
         (lambda: Wrench("tool", lambda t: [1.0])(0.0, X), r"wrench: must have shape \(6,\)"),

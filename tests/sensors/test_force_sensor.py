@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import InvalidArgumentError, UnknownNameError, make_controller, simulate
+from phcontrol import InvalidArgumentError, PinholeCamera, UnknownNameError, make_controller, simulate
 from phcontrol.environments.disturbances import Step, Wrench
 from phcontrol.sensors.force_sensor import ForceSensor
+from phcontrol.sensors.measured import measure_truly
+from phcontrol.vision.feature_flow import FeatureFlow
 from tests.conftest import make_system
 
 FORCE = np.array([3.0, -1.0])
@@ -43,6 +45,22 @@ def test_total_force_is_all_but_the_motors(rng):
     np.testing.assert_allclose(shown, (momentum(h) - momentum(-h)) / (2 * h), rtol=1e-6, atol=1e-6)
 
 
+def test_what_perfect_sensors_of_some_quantities_show(rng):
+    system = make_system("pera_shoulder_elbow")
+    x, force = system.at(system.robot.home, rng.normal(size=3)), rng.normal(size=3)
+    scene = FeatureFlow(PinholeCamera(), [1e-3, 2e-3, 3e-3], 0.038)
+    shown = measure_truly(x, force, ("external_force",), scene)
+    assert shown.external_force is force
+    assert shown.total_force is shown.features is None
+    shown = measure_truly(x, force, ("total_force", "features"), scene)
+    np.testing.assert_array_equal(shown.total_force, x.total_force(force))
+    np.testing.assert_array_equal(shown.features, [1e-3, 2e-3, 3e-3])
+    assert shown.external_force is None
+    state = np.array([4e-3, 5e-3, 6e-3])
+    np.testing.assert_array_equal(measure_truly(x, force, ("features",), scene, state).features, state)
+    assert measure_truly(x, force, ("features",)).features is None
+
+
 def test_bias_and_saturation():
     np.testing.assert_allclose(readings(ForceSensor(bias=[0.5, 0.0]), [FORCE])[0], [3.5, -1.0])
     np.testing.assert_allclose(readings(ForceSensor(saturation=2.0), [FORCE])[0], [2.0, -1.0])
@@ -64,6 +82,7 @@ def test_noise_has_its_size_and_its_seed():
     same, other = (readings(ForceSensor(noise=0.3, seed=seed), [FORCE] * 5) for seed in (0, 1))
     np.testing.assert_array_equal(same, readings(ForceSensor(noise=0.3, seed=0), [FORCE] * 5))
     assert (same != other).all()
+    np.testing.assert_array_equal(same, readings(ForceSensor(noise=0.3), [FORCE] * 5))
 
 
 def test_a_wrench_sensor_shows_a_wrench_at_its_frame_exactly(rng):

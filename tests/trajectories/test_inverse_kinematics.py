@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+import pink
+import pink.exceptions
 import pinocchio as pin
 import pytest
 
@@ -105,12 +107,21 @@ def test_a_path_too_fast_for_the_joints_is_refused():
         follow(robot, "tool", [home, above], [0.0, 0.05], start=BENT)
 
 
+def matrix(rotation):
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    return pose
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "complaint"),
     [
         (("hnad", [0.0, 0.0, 1.0]), UnknownNameError, "unknown frame 'hnad' of pera"),
         (("tool", [0.0, 1.0]), InvalidArgumentError, r"target: must be a point \(3,\)"),
         (("tool", 2.0 * np.eye(4)), InvalidArgumentError, "target: must be a point"),
+        (("tool", matrix(1.1 * np.eye(3))), InvalidArgumentError, "target: must be a point"),
+        (("tool", matrix(np.eye(3) + 1e-5 * np.eye(3, k=1))), InvalidArgumentError, "target: must be a point"),
+        (("tool", matrix(np.diag([1.0, 1.0, -1.0]))), InvalidArgumentError, "target: must be a point"),
         (("tool", [np.nan, 0.0, 0.0]), InvalidArgumentError, "target: must be finite"),
     ],
 )
@@ -123,8 +134,38 @@ def test_bad_times_are_refused():
     robot = load_robot("pera")
     with pytest.raises(InvalidArgumentError, match="times: must be as many as targets"):
         follow(robot, "tool", [[0.0, 0.0, 1.0]], [0.0, 1.0])
-    with pytest.raises(InvalidArgumentError, match="times: must increase"):
-        follow(robot, "tool", [[0.0, 0.0, 1.0]] * 2, [1.0, 0.0])
+    with pytest.raises(InvalidArgumentError, match="times: must be as many as targets"):
+        follow(robot, "tool", [[0.0, 0.0, 1.0]] * 3, [0.0, 1.0])
+    with pytest.raises(InvalidArgumentError, match="and at least 2"):
+        follow(robot, "tool", [[0.0, 0.0, 1.0]], [0.0])
+    for times in ([1.0, 0.0], [1.0, 1.0]):
+        with pytest.raises(InvalidArgumentError, match="times: must increase"):
+            follow(robot, "tool", [[0.0, 0.0, 1.0]] * 2, times)
+
+
+@pytest.mark.parametrize("failure", ["no answer", "nonsense"])
+def test_where_the_solver_fails_it_goes_on_from_elsewhere(monkeypatch, failure):
+    robot = load_robot("pera")
+    target = forward(robot, "tool", BENT).translation
+    solve, calls = pink.solve_ik, []
+
+    def solve_ik(configuration, *arguments, **keywords):
+        calls.append(configuration.q.copy())
+        if len(calls) > 1:
+            return solve(configuration, *arguments, **keywords)
+        if failure == "nonsense":
+            return np.full(7, np.nan)
+        raise pink.exceptions.PinkError
+
+    monkeypatch.setattr(pink, "solve_ik", solve_ik)
+    with pytest.raises(UnreachableTargetError) as caught:
+        reach(robot, "tool", target, restarts=0)
+    np.testing.assert_array_equal(caught.value.nearest.position, robot.home)
+    assert len(calls) == 1
+    calls.clear()
+    found = reach(robot, "tool", target)
+    assert np.abs(calls[1] - calls[0]).max() > 1e-3  # a random posture
+    assert np.abs(forward(robot, "tool", found.position).translation - target).max() <= 1e-6
 
 
 def test_without_pink_it_says_what_to_install(monkeypatch):

@@ -22,6 +22,7 @@ from phcontrol import (
 from phcontrol._differences import central_difference
 from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
 
+PERA = load_robot("pera")
 TIMES = [0.5, 1.0, 1.8, 2.0, 3.1, 4.0, 4.5]
 WAYPOINTS = np.array([[0.0, 0.3], [0.5, 0.1], [-0.2, 0.4], [0.1, 0.8], [1.0, -1.0], [0.4, 0.0], [0.0, 0.3]])
 FINE = np.linspace(0.0, 6.0, 61)
@@ -149,6 +150,37 @@ def test_smoothing_is_the_smoothing_spline_and_takes_noise_away(rng):
     assert errors["smooth"] < 0.5 * errors["rough"]
 
 
+@pytest.mark.parametrize("kind", [CubicSpline, QuinticSpline, SampledTrajectory, MinimumJerk])
+def test_two_points_of_one_joint_are_a_motion(kind):
+    motion = kind([0.25], [0.5], 2.0) if kind is MinimumJerk else kind([0.0, 2.0], [[0.25], [0.5]])
+    assert (motion.n, motion.duration) == (1, 2.0)
+    np.testing.assert_allclose(motion.at(1.0).position, [0.375], atol=1e-12)  # half way, by symmetry
+    assert Sinusoid(1.0, 0.5).n == 1
+
+
+@pytest.mark.parametrize(("kind", "order"), [(CubicSpline, 4), (QuinticSpline, 6)])
+def test_periodic_splines_are_as_good_as_their_degree_allows(kind, order):
+    """Halving the distance of waypoints on a sine divides the error by 2^(degree + 1)."""
+    errors = []
+    for points in (17, 33):
+        times = np.linspace(0.0, 2.0 * np.pi, points)
+        waypoints = np.sin(times)[:, None]
+        waypoints[-1] = waypoints[0]
+        motion = kind(times, waypoints, periodic=True)
+        errors.append(max(abs(motion.at(t).position[0] - np.sin(t)) for t in np.linspace(0.0, 6.0, 301)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
+
+
+@pytest.mark.parametrize(("kind", "least"), [(CubicSpline, 3), (QuinticSpline, 6)])
+def test_the_fewest_points_of_a_period(kind, least):
+    points = np.sin(2.0 * np.pi * np.arange(least) / (least - 1))[:, None]
+    points[-1] = points[0]
+    motion = kind(np.arange(least), points, periodic=True)
+    np.testing.assert_allclose(motion.at(1.0).position, points[1], atol=1e-12)
+    with pytest.raises(InvalidArgumentError, match=f"at least {least} points, but holds {least - 1}"):
+        kind(np.arange(least - 1), np.zeros((least - 1, 1)), periodic=True)
+
+
 class Own:
     """A trajectory of the user's, which gives what it is told to."""
 
@@ -159,6 +191,13 @@ class Own:
 
     def at(self, t):
         return self.given
+
+
+class Backwards(Own):
+    duration = -0.5
+
+    def __init__(self):
+        super().__init__(Reference(*np.zeros((3, 2))))
 
 
 def test_a_trajectory_of_ones_own_is_looked_at():
@@ -183,11 +222,19 @@ def test_a_trajectory_of_ones_own_is_looked_at():
         (lambda: MinimumJerk([0.0], [1.0], 0.0), "travel_time: must be > 0"),
         (lambda: MinimumJerk([0.0], [1.0, 2.0], 1.0), r"goal: must have shape \(1,\)"),
         (lambda: MinimumJerk(0.0, 1.0, 1.0), "origin: must be a vector"),
+        (lambda: MinimumJerk([], [], 1.0), "origin: must be a vector"),
+        (lambda: MinimumJerk.within_limits(PERA, PERA.home, PERA.home, fraction=0.0), "fraction: must be > 0"),
+        (lambda: MinimumJerk.within_limits(PERA, PERA.home, PERA.home, fraction=-0.5), "fraction: must be > 0"),
         (lambda: CubicSpline([0.0, 0.0, 1.0], np.zeros((3, 2))), "times: must increase"),
         (lambda: CubicSpline([0.0, 1.0], np.zeros((3, 2))), r"times: must have shape \(3,\)"),
         (lambda: CubicSpline([0.0, 1.0], [1.0, 2.0]), "positions: must have shape"),
         (lambda: QuinticSpline([0.0], np.zeros((1, 2))), "positions: must hold at least 2 points, but holds 1"),
         (lambda: QuinticSpline(TIMES, WAYPOINTS + FINE[:7, None], periodic=True), "must end where they start"),
+        (lambda: CubicSpline([0.0], [[1.0]]), "positions: must hold at least 2 points, but holds 1"),
+        (lambda: CubicSpline([0.0, 1.0], np.zeros((2, 0))), "positions: must have shape"),
+        (lambda: SampledTrajectory([0.0], [[1.0]]), "positions: must hold at least 2 points, but holds 1"),
+        (lambda: SampledTrajectory(FINE[:4], MOTION[:4], smoothing=1.0), "at least 5 points"),
+        (lambda: check_trajectory("trajectory", Backwards(), 2), "duration: must be >= 0"),
         (lambda: SampledTrajectory(FINE, MOTION, smoothing=-1.0), "smoothing: must be >= 0"),
         (lambda: SampledTrajectory(FINE[:3], MOTION[:3], smoothing=1.0), "at least 5 points"),
         (lambda: check_trajectory("trajectory", 3.0, 2), "trajectory: must be a trajectory"),

@@ -76,7 +76,11 @@ def test_the_thesis_mounting():
     ("arguments", "complaint"),
     [
         ({"focal_length": 0.0}, "focal_length: must be > 0"),
-        ({"field_of_view": 4.0}, "field_of_view: must be <="),
+        ({"field_of_view": 4.0}, "field_of_view: must be <= 3.14059"),
+        ({"field_of_view": 3.141}, "field_of_view: must be <="),
+        ({"field_of_view": 0.0}, "field_of_view: must be > 0"),
+        ({"image_size": (7, 480), "field_of_view": 1.0}, "image_size: must be an integer >= 8"),
+        ({"image_size": (640, 7), "field_of_view": 1.0}, "image_size: must be an integer >= 8"),
         ({"image_size": (640, 480)}, "field_of_view: is needed"),
         ({"image_size": (640, 4.5), "field_of_view": 1.0}, "image_size: must be an integer"),
         ({"image_size": (640,), "field_of_view": 1.0}, "image_size: must be"),
@@ -85,6 +89,30 @@ def test_the_thesis_mounting():
 def test_bad_cameras_are_refused(arguments, complaint):
     with pytest.raises(InvalidArgumentError, match=complaint):
         PinholeCamera(**arguments)
+
+
+def test_the_smallest_and_the_widest_images():
+    assert PinholeCamera(image_size=(8, 8), field_of_view=1e-3).image_size == (8, 8)
+    assert PinholeCamera(field_of_view=np.pi - 2e-3).half_size[0] == pytest.approx(0.01 / np.tan(1e-3))
+
+
+def test_what_a_viewer_is_told():
+    half = CAMERA.focal_length * np.tan(np.deg2rad(30.0))
+    record = CAMERA.record()
+    assert record == {
+        "frame": None,
+        "focal_length": 0.01,
+        "half_size": [pytest.approx(half), pytest.approx(0.75 * half)],
+    }
+    assert PinholeCamera(frame="tool").record() == {"frame": "tool", "focal_length": 0.01, "half_size": [None, None]}
+
+
+def test_the_edge_of_the_image_is_in_it():
+    half_width, half_height = CAMERA.half_size
+    for sign in (-1.0, 1.0):
+        assert CAMERA.sees(np.array([sign * half_width, -sign * half_height, 1e-3]))
+        assert not CAMERA.sees(np.array([sign * half_width * 1.001, 0.0, 1e-3]))
+        assert not CAMERA.sees(np.array([0.0, sign * half_height * 1.001, 1e-3]))
 
 
 def test_a_camera_without_image_has_no_pixels():

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import HamiltonianServo, Log, PHControlError, make_controller, simulate
+from phcontrol import HamiltonianServo, InvalidArgumentError, Log, PHControlError, make_controller, simulate
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from tests.conftest import make_system
+from tests.finite_differences import derivative
 
 START, GOAL = np.array([0.038, 0.0072, 0.010]), np.array([0.0, 0.0, 0.002])
 
@@ -52,8 +53,51 @@ def test_an_object_that_faces_the_camera_is_turned_in_the_image():
     system = make_system("pera")
     x = system.at(system.robot.home)
     scene = ObservedObject.seen_as(PinholeCamera(), GOAL, x, turn=0.3)
+    facing = ObservedObject.seen_as(PinholeCamera(), GOAL, x)
+    np.testing.assert_allclose(facing.rotation, x.placement("camera").rotation, atol=1e-12)
     length_axis = x.placement("camera").rotation.T @ scene.rotation[:, 0]
     np.testing.assert_allclose(length_axis, [np.cos(0.3), np.sin(0.3), 0.0], atol=1e-12)
+
+
+def test_features_flow_as_they_are_seen_to_move(rng):
+    """Its rate is the derivative of an object's features, for cameras in a named frame and in the robot's own."""
+    system = make_system("pera")
+    for camera in (PinholeCamera(), PinholeCamera(0.02, frame="hand")):
+        x = system.at(system.robot.random_position(rng), rng.normal(size=7))
+        scene = ObservedObject.seen_as(camera, START, x, size=(0.05, 0.01, 0.01))
+        moved = derivative(lambda h, x=x, scene=scene: scene.features(system.at(x.position + h * x.velocity)), 1e-4)
+        rate = FeatureFlow(camera, START, 0.05).rate(x, START)
+        np.testing.assert_allclose(rate, moved, atol=1e-9 * np.abs(moved).max())
+
+
+def test_an_object_is_recorded_as_it_stands():
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    scene = ObservedObject(PinholeCamera(), [0.1, 0.2, 0.3], [0.05, 0.02, 0.01], turn)
+    assert scene.record() == {"position": [0.1, 0.2, 0.3], "rotation": turn.tolist(), "size": [0.05, 0.02, 0.01]}
+    assert ObservedObject(PinholeCamera(), [0.0, 0.0, 0.0]).record()["rotation"] == np.eye(3).tolist()
+    assert scene.state_size == len(scene.initial_state()) == 0
+    seen = ObservedObject.seen_as(PinholeCamera(), GOAL, make_system("pera").at(make_system("pera").robot.home))
+    for usual in (ObservedObject(PinholeCamera(), [0.0, 0.0, 0.0]), seen):
+        assert usual.record()["size"] == [0.038, 0.0072, 0.010]
+
+
+@pytest.mark.parametrize("size", [[0.0, 0.01, 0.01], [0.04, -0.01, 0.01], [0.04, 0.01, 0.0]])
+def test_an_object_without_size_is_refused(size):
+    with pytest.raises(InvalidArgumentError, match="size: must be > 0"):
+        ObservedObject(PinholeCamera(), [0.0, 0.0, 0.0], size)
+
+
+def test_the_goal_posture_is_found_by_small_steps():
+    """No step is longer than 0.2 rad; where they are too few that is said."""
+    system = make_system("pera_shoulder_elbow")
+    goal, guess = system.robot.home, np.add(system.robot.home, [0.3, 0.3, -0.3])
+    scene = ObservedObject.seen_as(PinholeCamera(), GOAL, system.at(goal))
+    with pytest.raises(PHControlError, match="no posture found"):
+        goal_posture(system, scene, GOAL, guess, steps=2)  # 0.3 rad at 0.2 a step, and one to see that it is there
+    found = goal_posture(system, scene, GOAL, guess)
+    np.testing.assert_allclose(scene.features(system.at(found)), GOAL, atol=1e-9)
+    there = goal_posture(system, scene, GOAL, goal, steps=1)
+    np.testing.assert_array_equal(there, goal)
 
 
 def test_servo_laws_ask_for_something_to_see():

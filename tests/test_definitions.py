@@ -1,0 +1,51 @@
+"""What is true of every definition in the package."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+
+import pytest
+
+import phcontrol
+
+FILLED_IN_STEPS = {"Description"}
+MODULES = [module.name for module in pkgutil.walk_packages(phcontrol.__path__, "phcontrol.")]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_dataclasses_are_values(module):
+    """States, reports and settings are passed around and kept: what cannot be changed cannot be changed by mistake."""
+    loaded = importlib.import_module(module)
+    for found in vars(loaded).values():
+        if isinstance(found, type) and found.__module__ == module and dataclasses.is_dataclass(found):
+            assert found.__dataclass_params__.frozen or found.__name__ in FILLED_IN_STEPS, found
+
+
+def bases():
+    return {
+        found
+        for module in MODULES
+        for found in vars(importlib.import_module(module)).values()
+        if inspect.isclass(found) and found.__module__ == module and inspect.isabstract(found)
+    }
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_what_a_class_of_ones_own_must_say_is_demanded(module):
+    """A body without ``touch`` or a law without ``storage`` cannot be made, rather than do nothing in silence."""
+    demanded = {found.__name__: set(found.__abstractmethods__) for found in bases() if found.__module__ == module}
+    assert demanded == DEMANDED.get(module.removeprefix("phcontrol."), {})
+
+
+DEMANDED = {
+    "controllers.controller": {"Controller": {"coordinates", "default_gains", "shape", "storage", "target"}},
+    "controllers.dynamic_extension": {
+        "DynamicExtension": {"default_gains", "position_coordinates", "potential", "pull"}
+    },
+    "controllers.visual_servo": {"VisualServo": {"servo_motion", "servo_velocity"}},
+    "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},
+    "environments.disturbances": {"Disturbance": {"__call__"}, "_Shaped": {"__call__"}},
+}
