@@ -14,7 +14,7 @@ STRUCTURE_TOLERANCE = 1e-11
 """On skewness and semidefiniteness, relative to the terms of each entry: rounding leaves about 1e-14."""
 PURITY_TOLERANCE = 1e-12
 """On commands that are asked for twice."""
-RUN_TOLERANCE = 1e-2
+RUN_TOLERANCE = 5e-2
 """On the balance of H_d along runs, over a step: an integration by parabolas leaves less, a jump all of itself."""
 IDLE = 1e-6
 """Share of the kinetic energy that is dissipated each second, below which there is no damping [1/s]."""

@@ -41,6 +41,7 @@ from phcontrol.analysis.state_sampler import LARGEST_STATE, SampledState, StateS
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import measure_truly
 from phcontrol.simulation.log import Log
 
 SAMPLES = 256
@@ -188,7 +189,23 @@ class _Examination:
         if not law.lacks_minimum:
             idle = _largest(looked_at, [-each.idleness for each in figures], -math.inf)
             yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
+            if not law.time_span:  # figures[0] is the rest point
+                energy = [each.stored for each in figures]
+                usual = float(np.quantile(np.abs(energy), 0.75))
+                deeper = _largest(looked_at, [(energy[0] - each) / max(usual, 1e-300) for each in energy])
+                yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
+                start = self._start_energy(looked_at[0]) / max(usual, 1e-300)
+                yield Check.at_most("energy of the law's initial state", start, MATCHING_TOLERANCE)
         yield from self._drive(looked_at, figures)
+
+    def _start_energy(self, rest: SampledState) -> float:
+        """Return by how much H_d is higher at the law's rest with its initial state than with that of the rest [J]."""
+        law, view = self._law, self._law.system.at(rest.position, rest.velocity)
+        measured = measure_truly(self._plant.at(rest.position, rest.velocity), rest.force, law.needs, rest.scene)
+        own, settled = (
+            law.storage(rest.time, view, state, measured) for state in (law.initial_state(view), rest.state)
+        )
+        return own - settled
 
     def _drive(self, states: list[SampledState], figures: list[StateFigures]) -> Iterator[Check]:
         drive = _largest(states, [each.drive for each in figures])

@@ -48,6 +48,8 @@ class StateFigures(NamedTuple):
     indefiniteness: float
     drive: float
     """Largest entry of what drives the law."""
+    stored: float
+    """H_d [J]."""
     idleness: float
     """Share of the kinetic energy that is dissipated each second, ∇H_dᵀR_d∇H_d over it [1/s]; infinite at rest."""
     mislabelled: float
@@ -95,6 +97,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         skewness=_skewness(target.J, target.R),
         indefiniteness=indefiniteness(target.R),
         drive=float(np.abs(driven).max(initial=0.0)),
+        stored=flow.storage(0.0),
         idleness=_idleness(law, plant, at, target),
         mislabelled=_relative(np.abs(flow.coordinates(0.0) - target.coordinates), np.abs(target.coordinates)),
         moves_momentum=_momentum_driven(law, at, flow, target),

@@ -96,7 +96,10 @@ class _Neighbourhood:
         self._posture = posture
         self._rest_force = np.zeros(self._n) if desired is None else desired
         inertia = np.diag(x.mass_matrix)
-        self._spring: Array | None = None if desired is None else frequency**2 * inertia
+        self._spring: Array | None = None if desired is None else np.diag(frequency**2 * inertia)
+        surface = None if desired is None else law.rest_stiffness(x)
+        if self._spring is not None and surface is not None:
+            self._spring = self._spring + surface
         self._scene = law.rest_scene(law.system.at(posture))
         self._units = units.motion
         self._start = np.concatenate([posture, np.zeros(self._n), law.initial_state(x)])
@@ -121,7 +124,7 @@ class _Neighbourhood:
         if self._spring is None:
             return self._rest_force
         away: Array = position - self._posture
-        return self._rest_force - self._spring * away
+        return self._rest_force - self._spring @ away
 
     def _seen(self, y: Array) -> tuple[MechanicalState, MechanicalState, Array, Measured, Array]:
         """Return plant, the law's view of it, its state, what it measures, and the external force."""

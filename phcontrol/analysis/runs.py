@@ -22,6 +22,7 @@ STATES = 12
 """That are taken from each run."""
 _STEPS = 96
 _REFINEMENTS = (1, 8, 64)  # of a step that is too long
+_WILD = 30.0  # times the velocity limits
 _HALF_TURN = 3.0  # but for the room of a step [rad]
 _LEAST = 8  # samples of a run that is worth looking at
 _LONGEST_STEP = 5e-3  # [s]
@@ -48,7 +49,8 @@ def run_states(
     scene = law.rest_scene(law.system.at(goal))
     if scene is None:
         away = home if np.abs(home - goal).max() > 0.05 else plant.robot.near_home()
-        start = goal + np.clip(away - goal, -_WAY * units.position, _WAY * units.position)
+        near = goal + np.clip(away - goal, -_WAY * units.position, _WAY * units.position)
+        start = np.where(plant.robot.continuous, near, away)  # which of them all the way would wrap
         alone[-1] += _AWAY * units.position[-1]
     else:
         start = goal + _IN_VIEW * units.position
@@ -63,6 +65,8 @@ def run_states(
         log = _run(law, plant, units, _STEPS, dt, position, rest.velocity, force, scene)
         logs.append(log)
         for k in np.linspace(1, len(log) - 1, STATES).astype(int):
+            if (np.abs(log.velocity[k]) > _WILD * units.speed).any():
+                break  # faster than any arm: nothing to be told there
             time = float(log.time[k])
             states.append(
                 SampledState(time, log.position[k], log.velocity[k], log.controller_state[k], force, scene, name)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, number
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
@@ -22,8 +22,9 @@ LARGEST_STATE = 30.0
 _LATEST = 1e5  # [s]
 _LATEST_SPANS = 200.0  # of a law that changes with time: later ones leave no digits for differences in time
 _USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
-_FIRST_TIME = 1e-3  # of a law that changes with time: differences in time need room on both sides [s]
+_FIRST_TIME = 5e-3  # of a law that changes with time: differences in time need room on both sides [s]
 _TURNS = 3.0  # of a continuous joint
+_FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
@@ -77,7 +78,7 @@ class StateSampler:
     ) -> None:
         self._law, self._plant, self._units = law, plant, units
         self._rest, self._rest_force = rest, rest_force
-        self._changes = law.time_span > 0.0
+        self._changes = number("time_span", law.time_span, minimum=0.0) > 0.0
 
     def draw(self, samples: int, seed: int) -> list[SampledState]:
         """Return a number of states."""
@@ -98,14 +99,14 @@ class StateSampler:
         n = self._plant.n
         kinds, sizes = u[:6], u[6:_SELECTORS]
         along, aside, across, speeds, forces, own = np.split(u[_SELECTORS:], [n, 2 * n, 3 * n, 4 * n, 5 * n])
-        time = self._time(kinds[0], sizes[0])
+        time = self._clear_of_switches(self._time(kinds[0], sizes[0]))
         position, where = self._position(kinds[1], sizes[1], time, along, aside, across)
         velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
         state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, LARGEST_STATE, "controller state")
         force, how_pushed = _drawn(kinds[4], sizes[4], forces, self._units.force, 2.0, "f_e")
         view = self._law.system.at(position)
-        tool = self._plant.robot.tool_frame
-        if tool is not None and kinds[4] > 0.9:
+        tool = self._plant.robot.tool_frame or self._plant.robot.frame_names[-1]
+        if kinds[4] > 0.85:
             force = self._on_tool(tool, position, force)
         scene = self._law.random_scene(view, generator, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
         stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
@@ -125,6 +126,13 @@ class StateSampler:
             return start + max(_FIRST_TIME, within * (end - start))
         return _log_uniform(size, _FIRST_TIME, max(_LATEST_SPANS * span, 1.0))
 
+    def _clear_of_switches(self, time: float) -> float:
+        """Return the time, or one a little later or earlier where another law takes over: for differences in time."""
+        for start in self._law.phases[1:]:
+            if abs(time - start) < _FIRST_TIME:
+                return start + _FIRST_TIME if time >= start else start - _FIRST_TIME
+        return time
+
     def _position(
         self, kind: float, size: float, time: float, along: Array, aside: Array, across: Array
     ) -> tuple[Array, str]:
@@ -133,12 +141,13 @@ class StateSampler:
         low, high = _range(robot)
         if kind < 0.06:
             return np.array(goal), "at the goal"
-        if kind < 0.3:
-            way = _log_uniform(size, CLOSEST, 1.0) * unit * _thinned(2.0 * along - 1.0, kind * 20.0 % 1.0)
-            return goal + way, "near the goal"
-        if kind < 0.38:  # where arms start, and on their way
-            start = robot.home if kind < 0.36 else np.zeros(along.size)
-            share = size if kind < 0.34 else 0.0
+        if kind < 0.2:
+            return goal + _log_uniform(size, CLOSEST, 1.0) * unit * (2.0 * along - 1.0), "near the goal"
+        if kind < 0.32:  # some joints, or one alone
+            return goal + _FAR * unit * _thinned(2.0 * along - 1.0, size, aside), "some joints at the goal"
+        if kind < 0.4:  # where arms start, and on their way
+            start = robot.home if kind < 0.38 else np.zeros(along.size)
+            share = size if kind < 0.35 else 0.0
             return start + share * (goal - start) + _AROUND * unit * (2.0 * along - 1.0), "near home"
         anywhere = low + (high - low) * along
         if kind < 0.65:
@@ -207,14 +216,16 @@ def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name
     return min(largest, 2.0) * unit * direction, ""
 
 
-def _thinned(direction: Array, choice: float) -> Array:
-    """Return the direction, in a quarter of the cases with one entry alone."""
-    if choice >= 0.25:
+def _thinned(direction: Array, choice: float, others: Array | None = None) -> Array:
+    """Return the direction with one entry alone, or with some of them; in half of the cases as it is."""
+    if choice >= 0.5 and others is None:
         return direction
-    alone = np.zeros(direction.size)
-    entry = min(int(choice * 4.0 * direction.size), direction.size - 1)
-    alone[entry] = direction[entry]
-    return alone
+    if choice < 0.25 or others is None:
+        alone = np.zeros(direction.size)
+        entry = min(int(choice % 0.25 * 4.0 * direction.size), direction.size - 1)
+        alone[entry] = direction[entry]
+        return alone
+    return np.where(others < 0.4, direction, 0.0)
 
 
 def _range(robot: Robot) -> tuple[Array, Array]:

@@ -264,6 +264,13 @@ class Controller(ABC):
         """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""
         return None
 
+    def rest_stiffness(self, x: MechanicalState) -> Array | None:
+        """Return what the law is meant to press on, as a stiffness of the joints, shape (n, n) [N·m/rad].
+
+        It is added to a spring on each joint; None for that alone.
+        """
+        return None
+
     def rest_scene(self, x: MechanicalState) -> Scene | None:
         """Return what is to be seen where the law rests; None for a law without eyes."""
         return None
@@ -291,8 +298,8 @@ class Controller(ABC):
 
     def target_posture(self, t: float) -> Array | None:
         """Return the posture that the law brings the arm to at time t [s], shape (n,) [rad]; None when it has none."""
-        goal = getattr(self, "goal", None)
-        return goal if isinstance(goal, np.ndarray) and goal.shape == (self.system.n,) else None
+        goal = np.asarray(getattr(self, "goal", ()))
+        return goal.astype(float) if goal.dtype.kind in "iuf" and goal.shape == (self.system.n,) else None
 
     def random_state(self, generator: np.random.Generator) -> Array:
         """Draw a controller state, for checks at random states."""

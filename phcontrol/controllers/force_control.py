@@ -18,6 +18,8 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
+_SURFACE = 1e4  # stiffness of a surface that is pressed [N/m]
+
 
 class ForceControl(DynamicExtension):
     """Bring the force of the environment on the arm to f_d, with the measured f_e in a dynamic extension.
@@ -118,6 +120,14 @@ class ForceControl(DynamicExtension):
         held = [potential.posture for potential in self.holding if isinstance(potential, Holding)]
         return held[0] if held else super().rest_posture(t)
 
+    def rest_stiffness(self, x: MechanicalState) -> Array | None:
+        """Return the stiffness of what a frame presses on, 10⁴ N/m."""
+        if isinstance(self.desired, JointForce):
+            return None
+        lever = self.desired.lever(x)
+        stiffness: Array = _SURFACE * lever @ lever.T
+        return stiffness
+
     def rest_force(self, x: MechanicalState) -> Array:
         """Return f_d [N·m]."""
         return self.desired.gradient(x)
@@ -162,8 +172,10 @@ class ForceControl(DynamicExtension):
         )
 
     def _free_rate(self, x: MechanicalState, measured: Measured) -> Array:
-        """Return ẇ where w is not held."""
+        """Return ẇ where w is not held; in approach what is measured is below the threshold, and no force."""
         force = self._measurement(measured, "external_force")
+        if self._approaches(measured):
+            force = np.zeros_like(force)
         rate: Array = x.transformed_rate(self.pull(x) + force).dot(self._port)
         return rate
 
@@ -186,14 +198,16 @@ class ForceControl(DynamicExtension):
         if self.feedforward and not approaching:
             return target
         n, lever = x.system.n, self.desired.lever(x)
-        gradient, dissipation = target.gradient.copy(), target.dissipation
+        gradient, dissipation, felt = target.gradient.copy(), target.dissipation, target.port
         gradient[:n] -= self.desired.gradient(x)
         port = np.vstack([np.zeros((2 * n, lever.shape[1])), -self._port.T @ x.solve_factor(lever)])
         if approaching:
+            felt = target.port.copy()
+            felt[2 * n :] = 0.0
             leading = x.solve_factor_transposed(self.coupling.dot(state))
             rate = self._free_rate(x, measured)
             if self._is_held(leading, state, rate):
                 dissipation = dissipation.copy()
                 dissipation[2 * n :, 2 * n :] += np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))
         drive = Drive(port, self.desired.force)
-        return Target(target.coordinates, target.interconnection, dissipation, gradient, target.port, drive)
+        return Target(target.coordinates, target.interconnection, dissipation, gradient, felt, drive)
