@@ -173,7 +173,7 @@ def test_a_lazy_quantity_is_computed_once():
 
 
 def test_files_are_whole_or_as_they_were(tmp_path):
-    path = tmp_path / "deep" / "new" / "data.json"
+    path = tmp_path / "new" / "data.json"
     assert write_json(path, {"a": [1, 2.5]}) == path
     assert json.loads(path.read_text()) == {"a": [1, 2.5]}
     assert path.read_text() == '{\n  "a": [\n    1,\n    2.5\n  ]\n}\n'

@@ -6,12 +6,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from phcontrol._validation import Array
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.state_sampler import SampledState
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import wrapped
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import measure_truly
 
+_FAR = 1.5  # from rest, in natural units
 _CHORDS = 24
 _POINTS = 33  # on a chord
 _SUSPECTS = 3  # intervals that are looked at more closely
@@ -33,6 +37,27 @@ def largest_jump(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
         if not jump <= worst:
             worst, where = jump, f"{at:.3f} of the way from {start.stratum} to {end.stratum}"
     return worst, where
+
+
+def depth_around(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint) -> float:
+    """Return by how much H_d lies below its value at rest somewhere near, with the arm at rest too [J]; it must not.
+
+    Looked at are lines through the rest point along each joint and in other directions, 1.5 rad far.
+    """
+    scene = law.rest_scene(law.system.at(rest.position))
+    measured = measure_truly(plant.at(rest.position), rest.force, law.needs, scene)
+    generator, n = np.random.default_rng(0), plant.n
+    directions = [*np.eye(n), *generator.uniform(-1.0, 1.0, size=(n, n))]
+
+    def stored(position: Array) -> float:
+        return law.storage(rest.time, law.system.at(position, rest.velocity), rest.state, measured)
+
+    lowest = min(
+        stored(rest.position + share * units.position * direction)
+        for direction in directions
+        for share in np.linspace(-_FAR, _FAR, _POINTS)
+    )
+    return stored(rest.position) - lowest
 
 
 def _along(

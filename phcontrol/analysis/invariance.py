@@ -14,7 +14,6 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
 _STATES = 12
-_LATER = 96  # times after the span of a law
 _ASIDE = 1e-3  # of a force, by which it is changed for a law that may switch with it
 
 
@@ -31,21 +30,6 @@ def change_with_time(law: Controller, plant: MechanicalSystem, states: Sequence[
             difference = _difference(here, _everything(law, plant, at, time))
             if not difference <= worst:
                 worst, where = difference, f"t = {time:.4g} s against {at.time:.4g} s"
-    return worst, where
-
-
-def change_after_span(law: Controller) -> tuple[float, str]:
-    """Return by how much a law's rest posture moves after its time span other than it did within it [rad].
-
-    After that it stays where it is, or goes on with the span as its period.
-    """
-    span, worst, where = law.time_span, 0.0, ""
-    last = law.rest_posture(span)
-    for time in span * np.linspace(1.0, 6.0, _LATER):
-        posture = law.rest_posture(time)
-        error = min(float(np.abs(posture - last).max()), float(np.abs(posture - law.rest_posture(time % span)).max()))
-        if not error <= worst:
-            worst, where = error, f"t = {time:.4g} s"
     return worst, where
 
 

@@ -97,7 +97,7 @@ class _Neighbourhood:
         self._rest_force = np.zeros(self._n) if desired is None else desired
         inertia = np.diag(x.mass_matrix)
         self._spring: Array | None = None if desired is None else np.diag(frequency**2 * inertia)
-        surface = None if desired is None else law.rest_stiffness(x)
+        surface = None if desired is None else law.contact_stiffness(x)
         if self._spring is not None and surface is not None:
             self._spring = self._spring + surface
         self._scene = law.rest_scene(law.system.at(posture))

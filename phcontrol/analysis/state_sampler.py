@@ -20,6 +20,7 @@ _FASTEST = 10.0  # at least this speed is tried [rad/s], and at least four times
 LARGEST_STATE = 30.0
 """Of the controller, in natural units."""
 _LATEST = 1e5  # [s]
+_SPANS, _LOOKS = 6.0, 96  # over how many spans, and how often, a law is looked at that may go on changing
 _LATEST_SPANS = 200.0  # of a law that changes with time: later ones leave no digits for differences in time
 _USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
 _FIRST_TIME = 5e-3  # of a law that changes with time: differences in time need room on both sides [s]
@@ -78,7 +79,8 @@ class StateSampler:
     ) -> None:
         self._law, self._plant, self._units = law, plant, units
         self._rest, self._rest_force = rest, rest_force
-        self._changes = number("time_span", law.time_span, minimum=0.0) > 0.0
+        self._span = true_span(law)
+        self._changes = self._span > 0.0
 
     def draw(self, samples: int, seed: int) -> list[SampledState]:
         """Return a number of states."""
@@ -114,7 +116,7 @@ class StateSampler:
 
     def _time(self, kind: float, size: float) -> float:
         """Return a time: the start of a phase, within a phase, or any, on a logarithmic scale."""
-        starts, span = self._law.phases, self._law.time_span
+        starts, span = self._law.phases, self._span
         if not self._changes:
             return 0.0 if kind < 0.125 else size * _USUAL_SPAN if kind < 0.75 else _log_uniform(size, 1e-3, _LATEST)
         phase = min(int(size * len(starts)), len(starts) - 1)
@@ -193,6 +195,20 @@ class StateSampler:
             return 2.0 * unit * _thinned(direction, kind * 20.0 % 1.0), ""
         fastest = np.maximum(4.0 * unit, _FASTEST * self._units.position)
         return _log_uniform(size, 2.0, 1.0 + float((fastest / unit).max())) * unit * direction, "fast"
+
+
+def true_span(law: Controller) -> float:
+    """Return a law's time span, or a few where its rest posture neither stays nor goes on periodically after it."""
+    span = number("time_span", law.time_span, minimum=0.0)
+    if span == 0.0:
+        return 0.0
+    last = law.rest_posture(span)
+    for time in span * np.linspace(1.0, _SPANS, _LOOKS):
+        posture = law.rest_posture(time)
+        changed = min(np.abs(posture - last).max(), np.abs(posture - law.rest_posture(time % span)).max())
+        if changed > CLOSEST:
+            return _SPANS * span
+    return span
 
 
 def reference_velocity(law: Controller, time: float) -> Array:

@@ -264,7 +264,7 @@ class Controller(ABC):
         """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""
         return None
 
-    def rest_stiffness(self, x: MechanicalState) -> Array | None:
+    def contact_stiffness(self, x: MechanicalState) -> Array | None:
         """Return what the law is meant to press on, as a stiffness of the joints, shape (n, n) [N·m/rad].
 
         It is added to a spring on each joint; None for that alone.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, positive, sequence, vector
-from phcontrol.controllers.controller import Drive, Shaping, Target, inertia_scaled_gains
+from phcontrol.controllers.controller import Drive, PassivePort, Shaping, Target, inertia_scaled_gains
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.task_potentials import Holding, JointForce, PointForce, TaskPotential
 from phcontrol.exceptions import InvalidArgumentError
@@ -120,7 +120,7 @@ class ForceControl(DynamicExtension):
         held = [potential.posture for potential in self.holding if isinstance(potential, Holding)]
         return held[0] if held else super().rest_posture(t)
 
-    def rest_stiffness(self, x: MechanicalState) -> Array | None:
+    def contact_stiffness(self, x: MechanicalState) -> Array | None:
         """Return the stiffness of what a frame presses on, 10⁴ N/m."""
         if isinstance(self.desired, JointForce):
             return None
@@ -170,6 +170,17 @@ class ForceControl(DynamicExtension):
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return the port of the dynamic extension; holding w takes wᵀK_z⁻¹ẇ beside."""
+        port = super().passive_port(t, x, state, measured)
+        if not self._approaches(measured):
+            return port
+        leading, rate = x.solve_factor_transposed(self.coupling.dot(state)), self._free_rate(x, measured)
+        if not self._is_held(leading, state, rate):
+            return port
+        taken = float(state.dot(self._storage_gain.dot(rate)))
+        return port._replace(dissipated_power=port.dissipated_power + taken)
 
     def _free_rate(self, x: MechanicalState, measured: Measured) -> Array:
         """Return ẇ where w is not held; in approach what is measured is below the threshold, and no force."""

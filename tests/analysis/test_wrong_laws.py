@@ -507,7 +507,7 @@ def test_the_slowest_time_constant_is_that_of_a_simulation():
 
 def test_seeds_and_samples_are_part_of_the_certificate(pera):
     law = make_controller("energy_shaping", pera)
-    found = {certify(law, samples=n, seed=seed).matching_residual for n, seed in itertools.product((16, 32), (0, 1))}
+    found = {str(certify(law, samples=n, seed=seed)) for n, seed in itertools.product((16, 32), (0, 1))}
     assert len(found) == 4
     assert certify(law, samples=16, seed=3) == certify(law, samples=16, seed=3)
 
