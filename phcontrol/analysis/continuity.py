@@ -15,7 +15,7 @@ from phcontrol.mechanics.robot import wrapped
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import measure_truly
 
-_FAR = 1.5  # from rest, in natural units
+_FAR, _LOOKS = 1.5, 65  # from rest, in natural units, and how often on each line
 _CHORDS = 24
 _POINTS = 33  # on a chord
 _SUSPECTS = 3  # intervals that are looked at more closely
@@ -55,7 +55,7 @@ def depth_around(law: Controller, plant: MechanicalSystem, units: NaturalUnits, 
     lowest = min(
         stored(rest.position + share * units.position * direction)
         for direction in directions
-        for share in np.linspace(-_FAR, _FAR, _POINTS)
+        for share in np.linspace(-_FAR, _FAR, _LOOKS)
     )
     return stored(rest.position) - lowest
 
