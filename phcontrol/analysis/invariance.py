@@ -8,7 +8,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.promise import Promise
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.state_sampler import SampledState, some
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
@@ -21,7 +21,7 @@ def change_with_time(law: Controller, plant: MechanicalSystem, states: Sequence[
     """Return by how much command and promise of a law that says it does not change differ at other states' times."""
     if law.time_span:
         return 0.0, ""
-    chosen = _some(states)
+    chosen = some(states, _STATES, plant.n)
     times = [at.time for at in states]
     worst, where = 0.0, ""
     for k, at in enumerate(chosen):
@@ -41,7 +41,7 @@ def change_with_force(law: Controller, plant: MechanicalSystem, states: Sequence
     """
     worst, where = 0.0, ""
     generator = np.random.default_rng(0)
-    for at, other in zip(_some(states), _some(states[1:]), strict=False):
+    for at, other in zip(some(states, _STATES, plant.n), some(states[1:], _STATES, plant.n), strict=False):
         if law.driven_by:
             force = at.force + _ASIDE * np.abs(at.force).max() * generator.uniform(-1.0, 1.0, len(at.force))
         else:
@@ -55,17 +55,13 @@ def change_with_force(law: Controller, plant: MechanicalSystem, states: Sequence
 
 def signal_depends_on_state(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> bool:
     """Return whether what drives the law changes with the state of arm or controller, time and measurements held."""
-    for here, there in zip(_some(states), _some(states[1:]), strict=False):
+    for here, there in zip(some(states, _STATES, plant.n), some(states[1:], _STATES, plant.n), strict=False):
         measured = _measured(law, plant, here)
         own = law.target(here.time, law.system.at(here.position, here.velocity), here.state, measured)
         other = law.target(here.time, law.system.at(there.position, there.velocity), there.state, measured)
         if not np.array_equal(Promise.of(own, plant.n).signal, Promise.of(other, plant.n).signal):
             return True
     return False
-
-
-def _some(states: Sequence[SampledState]) -> Sequence[SampledState]:
-    return states[:: max(1, len(states) // _STATES)][:_STATES]
 
 
 def _measured(law: Controller, plant: MechanicalSystem, at: SampledState) -> Measured:

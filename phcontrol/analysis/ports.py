@@ -8,7 +8,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.promise import Promise
-from phcontrol.analysis.state_sampler import SampledState, reference_velocity
+from phcontrol.analysis.state_sampler import SampledState, reference_velocity, some
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import measure_truly
@@ -78,4 +78,4 @@ def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
 def _moving(law: Controller, states: Sequence[SampledState]) -> list[SampledState]:
     """Return a few states in which the arm moves away from its reference."""
     moving = [at for at in states if np.abs(at.velocity - reference_velocity(law, at.time)).max() > _MOVING]
-    return moving[:: max(1, len(moving) // _STATES)][:_STATES]
+    return list(some(moving, _STATES, law.system.n))

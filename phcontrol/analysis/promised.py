@@ -8,7 +8,7 @@ import numpy as np
 
 from phcontrol._differences import jacobian
 from phcontrol._validation import Array
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.state_sampler import SampledState, some
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
@@ -25,7 +25,7 @@ def undetermined(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     about what it does.
     """
     worst, where = 0, ""
-    for at in states[:: max(1, len(states) // _STATES)][:_STATES]:
+    for at in some(states, _STATES, plant.n):
         measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
 
         def coordinates(y: Array, at: SampledState = at, measured: Measured = measured) -> Array:

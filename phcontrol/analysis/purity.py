@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.state_sampler import SampledState, some
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -37,7 +37,7 @@ def largest_impurity(law: Controller, plant: MechanicalSystem, states: Sequence[
 def _differences(
     law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
 ) -> Iterator[tuple[float, str]]:
-    chosen = states[:: max(1, len(states) // _STATES)][:_STATES]
+    chosen = some(states, _STATES, plant.n)
     questions = [_Question(law, plant, state, law.needs) for state in chosen]
     handed_out = [question.command() for question in questions]
     first = [_numbers(command) for command in handed_out]
@@ -69,7 +69,7 @@ def difference_backwards(law: Controller, plant: MechanicalSystem, motion: Seque
 def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
     """Return by how much a command changes when the law is shown more than it says it needs, and where."""
     worst, where = 0.0, ""
-    for state in states[:: max(1, len(states) // _STATES)][:_STATES]:
+    for state in some(states, _STATES, plant.n):
         needed = _Question(law, plant, state, law.needs).ask()
         question = _Question(law, plant, state, Measured._fields)
         if question.measured.features is None:

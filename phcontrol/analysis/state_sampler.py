@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -195,6 +196,12 @@ class StateSampler:
             return 2.0 * unit * _thinned(direction, kind * 20.0 % 1.0), ""
         fastest = np.maximum(4.0 * unit, _FASTEST * self._units.position)
         return _log_uniform(size, 2.0, 1.0 + float((fastest / unit).max())) * unit * direction, "fast"
+
+
+def some(states: Sequence[SampledState], count: int, n: int) -> Sequence[SampledState]:
+    """Return about a number of the states, spread over them; fewer for an arm of more than ten joints."""
+    share = max(1, int(count * min(1.0, 10.0 / n)))
+    return states[:: max(1, len(states) // share)][:share]
 
 
 def true_span(law: Controller) -> float:
