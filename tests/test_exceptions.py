@@ -58,13 +58,14 @@ EXAMPLES = {
 
 
 def own_exceptions():
-    """Return every exception class defined in any module of the package."""
+    """Return every public exception class defined in any module of the package: the others never leave it."""
     found = set()
     for module in pkgutil.walk_packages(phcontrol.__path__, "phcontrol."):
         if module.name.endswith("__main__"):
             continue
         for item in vars(importlib.import_module(module.name)).values():
-            if isinstance(item, type) and issubclass(item, BaseException) and item.__module__.startswith("phcontrol"):
+            own = isinstance(item, type) and item.__module__.startswith("phcontrol")
+            if own and issubclass(item, BaseException) and not item.__name__.startswith("_"):
                 found.add(item)
     return found
 

@@ -62,7 +62,8 @@ def certify(
     At each state the plant's vector field is computed by forward dynamics under the law's torque, the rate of the
     target's coordinates is taken along it by finite differences, and compared with
     (J_d − R_d)∇H_d + port·f_e + drive, row by row in natural units. Nothing that the law computed is reused.
-    :class:`~phcontrol.analysis.state_sampler.StateSampler` says how the states are drawn.
+    The states are drawn by strata (``StateSampler``): at and near the goal, about home, at the joint limits and beyond
+    them, at rest to twice the velocity limits, with forces and controller states from zero to large; and along runs.
 
     Beside matching it demands that J_d is skew and R_d ⪰ 0, that H_d grows by no more than what is supplied and does
     not jump between states, that the promise does not depend on the force it is a promise under, that its coordinates
