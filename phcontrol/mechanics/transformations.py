@@ -58,7 +58,7 @@ def check_canonical_transformation(
     """Check the partial differential equation (2.25) at random points.
 
     With x = (q, p) and the arm ẋ = (J − R)∂H/∂x + g u, the transformation x̄ = Φ, H̄ = H + U, ū = u + β is
-    generalised canonical if and only if
+    generalised canonical if
 
         ∂Φ/∂(x,t) · [(J − R)∂U/∂x + (K − S)∂(H + U)/∂x + g β;  −1] = 0
 
