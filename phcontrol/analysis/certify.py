@@ -122,11 +122,10 @@ class _Examination:
         rests: list[RestPoint] = []
         conditions: dict[str, float] = {}
         try:
-            rests = [
-                find_rest(law.active(time), self._plant, NaturalUnits.of(law.active(time), self._plant, time), *where)
-                for time in (_times(law) if self._samples >= FEW else law.phases)
-                for where in _places(law.active(time), self._plant, time)
-            ]
+            for time in _times(law) if self._samples >= FEW else law.phases:
+                acting = law.active(time)
+                units = NaturalUnits.of(acting, self._plant, time)
+                rests += [find_rest(acting, self._plant, units, *where) for where in _places(acting, self._plant, time)]
             states = self._draw(rests[0])
             self._checks += self._matching(states, rests[0])
             self._checks += self._contract(states)
