@@ -1,161 +1,109 @@
-"""The base of all laws: the contract, the gains, and the one matching formula."""
+"""The base of all laws: the contract, and the one matching formula."""
 
 from __future__ import annotations
 
-import inspect
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phcontrol._differences import central_difference
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, vector
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.declared import Declared, Plant
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.vision.scene import Scene
 
-EMPTY: Array = np.zeros(0)
-EMPTY.flags.writeable = False
-
 Law = TypeVar("Law", bound="Controller")
 
-
-class Command(NamedTuple):
-    """What a controller orders: a torque and the rate of its own state."""
-
-    torque: Array
-    """u, shape (n,) [N·m]."""
-    state_rate: Array
-    """Rate of the controller's state, same shape as the state."""
+_STEP = 1e-3  # of the arm's motion [rad], over which θ is differentiated where a law does not state its rate
 
 
-class PassivePort(NamedTuple):
-    """How a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★)."""
-
-    output: Array
-    """ŷ = Ḡᵀp̂, shape (n,) [rad/s]."""
-    dissipated_power: float
-    """∇H_dᵀR_d∇H_d ≥ 0 [W]."""
-    resistance: Array
-    """½∂(dissipated_power)/∂q̇ at a fixed D(q̇), shape (n,) [N·m]: the force by which the law, and friction, damp."""
-
-    @classmethod
-    def of(
-        cls,
-        x: MechanicalState,
-        velocity: Array,
-        injected: Array,
-        sliding: Array | None = None,
-        further_losses: float = 0.0,
-    ) -> PassivePort:
-        """Return the port of a law whose closed loop dissipates vᵀ(injected) + wᵀD(q̇)w + further losses.
-
-        Args:
-            x: the state.
-            velocity: v = T⁻ᵀp̂, shape (n,) [rad/s].
-            injected: the injected damping's force, mostly G C Gᵀv, shape (n,) [N·m].
-            sliding: w, the velocity with which friction appears in the closed loop; None where it is cancelled.
-            further_losses: what does not depend on q̇ [W].
-        """
-        matrix = x.system.input_matrix
-        output = velocity if matrix is None else matrix.T.dot(velocity)
-        power = further_losses + velocity.dot(injected)
-        if sliding is not None and x.damping is not None:
-            friction = x.damping * sliding
-            power, injected = power + sliding.dot(friction), injected + friction
-        return cls(output, float(power), injected)
-
-
-class Shaping(NamedTuple):
-    """What a law states; the matching formula makes the torque of it.
-
-    The adapted momentum is p̂ = p̄ + θ with θ = Tᵀs + ϑ, and the wished dynamics are
-    p̂̇ = (J̄₂ − D̄)(p̄ + Tᵀs) + T⁻¹ effort + T⁻¹(f_e − cancelled_force).
-    """
-
-    effort: Array
-    """T times the rest of F★, shape (n,) [N·m]."""
-    velocity: Array | None = None
-    """s, shape (n,) [rad/s]; None for zero."""
-    acceleration: Array | None = None
-    """ṡ along the closed loop, shape (n,) [rad/s²]; goes with ``velocity``."""
-    offset_rate: Array | None = None
-    """ϑ̇, shape (n,); None for zero."""
-    cancelled_force: Array | None = None
-    """The measured part of f_e that the law cancels, shape (n,) [N·m]; None for nothing."""
-    state_rate: Array = EMPTY
-    """Rate of the controller's own state."""
-
-
-class Drive(NamedTuple):
-    """What moves a closed loop beside its energy and f_e: a goal that moves, a force that is desired.
-
-    It comes from outside: ``signal`` depends on time and measurements alone, never on the state of arm or controller,
-    and it enters no row of a momentum (that would be a torque, and no promise).
-    """
-
-    port: Array
-    """How the signal enters, shape (len(x), k)."""
-    signal: Array
-    """Shape (k,)."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """The port-Hamiltonian system that a law promises: ẋ = (J − R)∇H_d + port·f_e, at one state."""
-
-    coordinates: Array
-    """x, for instance (q̃, p̂, z)."""
-    interconnection: Array
-    """J_d, skew-symmetric."""
-    dissipation: Array
-    """R_d, symmetric positive semidefinite."""
-    gradient: Array
-    """∇H_d with respect to x."""
-    port: Array
-    """How f_e enters, shape (len(x), n)."""
-    drive: Drive | None = None
-    """What else moves x; only for a law that says what it is driven by (``Controller.driven_by``)."""
-
-    def rate(self, external_force: Array) -> Array:
-        """Return ẋ as promised, under an external force [N·m]."""
-        rate: Array = (self.interconnection - self.dissipation) @ self.gradient + self.port @ external_force
-        return rate if self.drive is None else rate + self.driven()
-
-    def driven(self) -> Array:
-        """Return the part of ẋ that the drive makes."""
-        return np.zeros(len(self.gradient)) if self.drive is None else self.drive.port @ self.drive.signal
-
-
-class Controller(ABC):
+class Controller(Declared, ABC):
     """A law of energy-based control. Stateless: gains are fixed and checked when it is made.
 
-    ``system`` is the model that the law computes with; the plant it is tried on may be another.
-    A law states its :class:`Shaping`; the torque follows from it for every law alike,
+    A law states what it promises: its ``storage`` function H_d and its ``target``, the port-Hamiltonian system that
+    the closed loop will be. Torque, rate of its own state and passive port follow. With the adapted momentum
+    p̂ = p̄ + θ(q, own state, t), which is the part "momentum" of the target, and F★ its promised rate,
 
-        u = G⁻¹T[F★ − θ̇ + T⁻¹∂V/∂q − (J̄₂ − D̄)p̄ − T⁻¹f_known],
+        u = G⁻¹T[F★ − θ̇ + T⁻¹∂V/∂q − (J̄₂ − D̄)p̄ − T⁻¹f_known].
 
-    in which terms that cancel are never computed: for ``interconnection="coriolis"`` it reads
+    A law may beside that ``shape`` in closed form what is derived otherwise, because it is faster; tests hold the two
+    against each other. For ``interconnection="coriolis"`` the formula then reads
     u = G⁻¹[∂V/∂q − M ṡ − C s − D s − T ϑ̇ + effort − f_known], for "canonical" (the thesis's J̄₂)
     C s is replaced by T(Ṫᵀs) − T J̄₂Tᵀs.
 
     Laws with s = 0 give the same torque for both, since both J̄₂ agree on p̄; their targets differ.
+
+    Arguments are declared as :class:`Parameter`, and checked by it; ``system`` is the model that the law computes
+    with; the plant it is tried on may be another.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Controller, Gain, MechanicalSystem, Target, Vector, certify, load_robot
+        >>> class Spring(Controller):
+        ...     name = "spring"
+        ...     goal: Vector = Vector("q_d", "rad")
+        ...     stiffness: Gain = Gain("K_p", "N·m/rad")
+        ...     damping: Gain = Gain("C", "N·m·s/rad")
+        ...
+        ...     def storage(self, t, x, state, measured=None):
+        ...         error = x.position_error(self.goal)
+        ...         return x.kinetic_energy + 0.5 * error @ self.stiffness @ error
+        ...
+        ...     def target(self, t, x, state, measured=None):
+        ...         error = x.position_error(self.goal)
+        ...         return Target.mechanical(
+        ...             x, self.interconnection, error=error, gradient=self.stiffness @ error, damping=self.damping
+        ...         )
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> certify(Spring(system, goal=[0.1, 0.5], stiffness=20.0, damping=5.0)).verdict
+        'PASSED'
     """
 
     name: ClassVar[str]
     """The law's name on the command line."""
     forms: ClassVar[tuple[str, ...]] = INTERCONNECTIONS
     """The choices of J̄₂ that the law knows."""
+    system: Plant = Plant(kw_only=False)
+    interconnection: Parameter[str, str] = Parameter("J̄₂", default="coriolis", check=lambda name, value, system: value)
 
-    def __init__(self, system: MechanicalSystem, interconnection: str) -> None:
-        check_system(system)
-        self.system = system
-        self.interconnection = choice("interconnection", interconnection, self.forms)
-        self._canonical = self.interconnection == "canonical"
+    if not TYPE_CHECKING:  # for type checkers it follows from the declarations
+
+        def __init__(self, system: MechanicalSystem, **arguments: Any) -> None:
+            choice("interconnection", arguments.get("interconnection", INTERCONNECTIONS[0]), self.forms)
+            super().__init__(system, **arguments)
+
+    # --- what a law states ----------------------------------------------------------------------
+
+    @abstractmethod
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return the storage function H_d at time t [s], in a state of the arm and of the law [J]."""
+
+    @abstractmethod
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the promised closed loop at one state."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the parts of the law's own state, in their order; each is a part of the target too."""
+        return ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Fields of Measured that the law cannot do without."""
+        return ()
 
     @property
     def caveat(self) -> str:
@@ -175,43 +123,78 @@ class Controller(ABC):
         """
         return ""
 
-    # --- what a law states ----------------------------------------------------------------------
+    # --- what follows from that; a law may state it in closed form instead -------------------------
 
-    @abstractmethod
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """Return what the law states at time t [s]; see :class:`Shaping`."""
+        """Return the desired dynamics of p̂; here derived from the target, θ̇ by finite differences along the flow."""
+        force = self._felt(x, measured)
+        target = self.target(t, x, state, measured)
+        rate = target.rate(force)
+        state_rate = self._own(target, rate)
+        h = _STEP / max(1.0, float(np.abs(x.velocity).max(initial=0.0)))
 
-    @abstractmethod
-    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return the storage function H_d [J]."""
+        def shift(step: float) -> Array:
+            """Return θ a little along the flow: p̂ of an arm at rest there."""
+            there = x.system.at(x.position + step * x.velocity)
+            later = self.measured_along(x, measured, step)
+            return self.target(t + step, there, state + step * state_rate, later).momentum
 
-    @abstractmethod
+        effort = rate[target.parts[MOMENTUM]] - central_difference(shift, h) - x.transformed_rate(np.zeros(x.system.n))
+        return Shaping(x.factor.dot(effort), cancelled_force=force, state_rate=state_rate)
+
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return the coordinates x that the target system is written in."""
-
-    @abstractmethod
-    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the promised closed loop at one state."""
+        """Return the coordinates x that the target is written in."""
+        return self.target(t, x, state, measured).coordinates
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ, the power that the promised closed loop dissipates, ∇H_dᵀR_d∇H_d, and the force that takes it.
+        """Return ŷ = GᵀT⁻ᵀp̂, the power ∇H_dᵀR_d∇H_d that the promised closed loop dissipates, and the force for it.
 
-        Here from target and storage function: H_d and, with R_d held, the dissipated power are quadratic in q̇, so that
-        ŷ = GᵀM⁻¹∂H_d/∂q̇ and the resistance come out exactly from central differences of any length. Laws give all of
-        it in closed form, which is faster.
+        The force is T(R_d∇H_d)[p̂]: of the coordinates p̂ alone depends on q̇, by Tᵀ.
         """
-        R, at = self.target(t, x, state, measured).dissipation, x.system.state_type
+        target = self.target(t, x, state, measured)
+        losses = target.dissipation.dot(target.gradient)
+        output = x.input_matrix.T.dot(x.solve_factor_transposed(target.momentum))
+        resistance: Array = x.factor.dot(losses[target.parts[MOMENTUM]])
+        return PassivePort(output, float(target.gradient.dot(losses)), resistance)
 
-        def losses_and_energy(y: MechanicalState) -> Array:
-            gradient = self.target(t, y, state, measured).gradient
-            return np.array([gradient.dot(R.dot(gradient)), self.storage(t, y, state, measured)])
+    def measured_along(self, x: MechanicalState, measured: Measured, step: float) -> Measured:
+        """Return what will be measured ``step`` seconds on [s], while the arm moves on and forces stay."""
+        return measured
 
-        slopes = np.empty((x.system.n, 2))
-        for joint, unit in enumerate(np.eye(x.system.n)):
-            ahead, behind = at(x.system, x.position, x.velocity + unit), at(x.system, x.position, x.velocity - unit)
-            slopes[joint] = 0.5 * (losses_and_energy(ahead) - losses_and_energy(behind))
-        output = x.input_matrix.T.dot(x.solve_factor_transposed(x.solve_factor(slopes[:, 1])))
-        return PassivePort(output, float(losses_and_energy(x)[0]), 0.5 * slopes[:, 0])
+    def _felt(self, x: MechanicalState, measured: Measured) -> Array | None:
+        """Return f_e [N·m] where the law needs it."""
+        if "external_force" in self.needs:
+            return self._measurement(measured, "external_force")
+        if "total_force" in self.needs:
+            return self._measurement(measured, "total_force") - x.total_force()
+        return None
+
+    def _own(self, target: Target, rate: Array) -> Array:
+        """Return the rows of the law's own state."""
+        missing = [name for name in self.states if name not in target.parts]
+        if missing:
+            raise InvalidArgumentError("target", f"of {self.name} has no part '{missing[0]}', which is a state of it")
+        return np.concatenate([np.zeros(0), *(rate[target.parts[name]] for name in self.states)])
+
+    # --- the law's own state ------------------------------------------------------------------------
+
+    @property
+    def state_parts(self) -> dict[str, int]:
+        """Lengths of the parts of the law's own state, by name, in their order: one number for each joint."""
+        return dict.fromkeys(self.states, self.system.n)
+
+    @lazy
+    def state_size(self) -> int:
+        """Length of the law's own state."""
+        return sum(self.state_parts.values())
+
+    def initial_state(self, x: MechanicalState) -> Array:
+        """Return the controller's state to start with: zero."""
+        return np.zeros(self.state_size)
+
+    def random_state(self, generator: np.random.Generator) -> Array:
+        """Draw a controller state, for checks at random states."""
+        return generator.normal(size=self.state_size)
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the law's own state that makes H_d smallest at a state of the arm; the same if it has no such form.
@@ -221,25 +204,7 @@ class Controller(ABC):
         """
         return state
 
-    @property
-    def state_parts(self) -> dict[str, int]:
-        """Lengths of the parts of the controller's own state, by name, in their order."""
-        return {}
-
-    @property
-    def state_size(self) -> int:
-        """Length of the controller's own state."""
-        return sum(self.state_parts.values())
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Fields of Measured that the law cannot do without."""
-        return ()
-
-    @classmethod
-    @abstractmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return gains that suit a robot, scaled by its inertia at the goal."""
+    # --- where and when it rests --------------------------------------------------------------------
 
     @property
     def time_span(self) -> float:
@@ -255,10 +220,22 @@ class Controller(ABC):
         """Return the law that acts at time t [s]."""
         return self
 
+    def target_posture(self, t: float) -> Array | None:
+        """Return the posture that the law brings the arm to at time t [s], shape (n,) [rad]; None when it has none.
+
+        It is the law's ``goal`` where that is a posture.
+        """
+        goal = np.asarray(getattr(self, "goal", None))
+        return goal.astype(float) if goal.dtype.kind in "iuf" and goal.shape == (self.system.n,) else None
+
     def rest_posture(self, t: float) -> Array:
         """Return the posture near which the law rests at time t [s], shape (n,) [rad]: its goal, or the arm's home."""
         posture = self.target_posture(t)
         return self.system.robot.home if posture is None else posture
+
+    def reference_velocity(self, t: float, x: MechanicalState) -> Array:
+        """Return the velocity that the law leads the arm along with at time t [s], shape (n,) [rad/s]; 0 for none."""
+        return np.zeros(self.system.n)
 
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""
@@ -275,35 +252,11 @@ class Controller(ABC):
         """Return what is to be seen where the law rests; None for a law without eyes."""
         return None
 
-    def random_scene(self, x: MechanicalState, generator: np.random.Generator, spread: float = 1.0) -> Scene | None:
-        """Draw something to see from a state, for checks; with a small ``spread`` close to what the law desires.
-
-        None for a law without eyes.
-        """
-        return None
-
     def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
         """Return what the law's claim rests on beside its target, by name: each must be positive at this state."""
         return {}
 
-    def goal_conditions(self) -> dict[str, float]:
-        """Return the ``conditions`` at the goal."""
-        return {}
-
     # --- what every law does alike --------------------------------------------------------------
-
-    def initial_state(self, x: MechanicalState) -> Array:
-        """Return the controller's state to start with: zero."""
-        return np.zeros(self.state_size)
-
-    def target_posture(self, t: float) -> Array | None:
-        """Return the posture that the law brings the arm to at time t [s], shape (n,) [rad]; None when it has none."""
-        goal = np.asarray(getattr(self, "goal", ()))
-        return goal.astype(float) if goal.dtype.kind in "iuf" and goal.shape == (self.system.n,) else None
-
-    def random_state(self, generator: np.random.Generator) -> Array:
-        """Draw a controller state, for checks at random states."""
-        return generator.normal(size=self.state_size)
 
     def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
         """Return torque and state rate at time t [s]. Pure: same arguments, same command.
@@ -336,7 +289,7 @@ class Controller(ABC):
         assert s is not None
         assert law.acceleration is not None
         force: Array = x.mass_matrix.dot(law.acceleration)
-        if self._canonical:
+        if self.interconnection == "canonical":
             momentum = s.dot(x.factor)
             force += x.factor.dot(s.dot(x.factor_rate) - x.canonical_interconnection.dot(momentum))
         else:
@@ -352,10 +305,7 @@ class Controller(ABC):
             raise MissingMeasurementError(self.name, name)
         return value
 
-    def _injected_damping(self, x: MechanicalState, damping: Array) -> Array:
-        """Return D̄ + ḠCḠᵀ, shape (n, n)."""
-        result: Array = x.transformed_damping + x.transformed_input @ damping @ x.transformed_input.T
-        return result
+    # --- gains that suit a robot ----------------------------------------------------------------
 
     @classmethod
     def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Array:
@@ -363,26 +313,67 @@ class Controller(ABC):
         return system.robot.home if goal is None else vector("goal", goal, system.n)
 
     @classmethod
+    def tuning(
+        cls,
+        system: MechanicalSystem,
+        goal: Array,
+        bandwidth: float = BANDWIDTH,
+        damping_ratio: float = DAMPING_RATIO,
+    ) -> Tuning:
+        """Return what the default gains are made from, with the arm's inertia at the goal."""
+        return Tuning(system, goal, goal, bandwidth, damping_ratio)
+
+    @classmethod
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float
+    ) -> dict[str, Any]:
+        """Return gains that suit a robot, scaled by its inertia at the goal.
+
+        Args:
+            system: the model of the arm.
+            goal: as ``check_goal`` returns it.
+            given: names of arguments that are chosen otherwise.
+            wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
+        """
+        tuning = cls.tuning(system, goal, **wish)
+        return {
+            name: parameter.tuned(tuning)
+            for name, parameter in cls.parameters.items()
+            if parameter.tuned is not None and name not in given
+        }
+
+    @classmethod
     def tuned(
         cls: type[Law],
         system: MechanicalSystem,
         goal: ArrayLike | None = None,
         *,
-        interconnection: str = "coriolis",
+        bandwidth: float = BANDWIDTH,
+        damping_ratio: float = DAMPING_RATIO,
         **options: Any,
     ) -> Law:
-        """Make the law with gains that suit the robot; ``options`` replaces any of them by name.
+        """Make the law with gains that suit the robot; ``options`` replaces any of its arguments by name.
 
         Without a goal the law's own choice is used, for most the robot's home. Raises UnknownNameError for a
         misspelt option.
+
+        Args:
+            system: the model of the arm.
+            goal: for most laws a posture [rad].
+            bandwidth: ω of the default gains [rad/s].
+            damping_ratio: ζ of the default gains.
+            options: arguments of the constructor.
         """
-        checked_goal = cls.check_goal(system, goal)
-        known = [name for name in inspect.signature(cls).parameters if name not in ("system", "interconnection")]
+        check_system(system)
         for name in options:
-            if name not in known:
+            if name not in cls.parameters:
+                known = [known for known in cls.parameters if known != "interconnection"]
                 raise UnknownNameError("option", name, known, f" of {cls.name}")
-        gains = cls.default_gains(system, checked_goal) | options
-        return cls(system, interconnection=interconnection, **gains)
+        checked_goal = cls.check_goal(system, goal)
+        gains = cls.default_gains(
+            system, checked_goal, given=options, bandwidth=bandwidth, damping_ratio=damping_ratio
+        )
+        return cls(system, **(gains | options))
 
 
 def check_loop(controller: object, system: object) -> None:
@@ -390,17 +381,3 @@ def check_loop(controller: object, system: object) -> None:
     if not isinstance(controller, Controller):
         raise InvalidArgumentError("controller", f"must be a Controller, but is {type(controller).__name__}")
     check_system(system)
-
-
-def inertia_scaled_gains(system: MechanicalSystem, goal: Array, frequency: float = 4.0) -> tuple[Array, Array]:
-    """Return stiffness [N·m/rad] and damping [N·m·s/rad], one each joint, that suit a robot at a goal.
-
-    K_p = max(ω²M_ii, 0.8 dᵢ(0)) and C = 2 sqrt(K_p M_ii): critically damped at ω [rad/s] or faster, and
-    stiff enough that the friction around rest leaves a time constant of about a second.
-    """
-    x = system.at(goal)
-    inertia = np.diag(x.mass_matrix)
-    stiffness = frequency**2 * inertia
-    if x.damping is not None:
-        stiffness = np.maximum(stiffness, 0.8 * x.damping)
-    return stiffness, 2.0 * np.sqrt(stiffness * inertia)

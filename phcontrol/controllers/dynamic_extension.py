@@ -2,138 +2,152 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target
+from phcontrol._validation import Array, matrix
+from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.parameters import Gain, Parameter
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaped_law import ShapedLaw
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Blocks, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
+def invertible(name: str, value: ArrayLike, system: MechanicalSystem) -> Array:
+    """Return an invertible (n, n) matrix. Raises InvalidArgumentError when it is not."""
+    checked = matrix(name, value, system.n)
+    if np.linalg.matrix_rank(checked) < system.n:
+        raise InvalidArgumentError(name, "must be invertible")
+    return checked
 
-class DynamicExtension(Controller):
-    """Laws with p̂ = p̄ − A z, ż = Yᵀf̄, Y = A K_z, about a potential Ψ(q) that the law shapes.
 
-        f̄ = −T⁻¹∂Ψ/∂q + (J̄₂ − D̄)p̄  (+ T⁻¹f_e when measured)
-        u = G⁻¹(∂V/∂q − ∂Ψ/∂q + T A ż) − C ŷ,   ŷ = Ḡᵀp̂
-        H_d = ½|p̂|² + Ψ(q) + ½zᵀK_z⁻¹z
+class DynamicExtension(ShapedLaw):
+    """Laws with p̂ = p̄_e − A z, ż = Yᵀf̄, Y = A K_z, about a potential Ψ that the law shapes.
 
-    A law states Ψ and its gradient; everything else is here.
+        f̄ = −T⁻¹∂Ψ/∂q + (J̄₂ − D̄)p̄_e  (+ T⁻¹f_e when measured)
+        u = G⁻¹(∂V/∂q − ∂Ψ/∂q + T A ż) − C ŷ,   ŷ = Ḡᵀp̂      (and what leads along a reference)
+        H_d = ½|p̂|² + Ψ + ½zᵀK_z⁻¹z
+
+    Args:
+        damping: C, positive definite [N·m·s/rad].
+        coupling: A, any invertible matrix: how strongly z acts; A Y = A K_z Aᵀ is by how much the
+            forces are amplified (dimensionless).
+        force_gain: K_z, positive definite.
     """
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        damping: ArrayLike,
-        coupling: ArrayLike,
-        force_gain: ArrayLike,
-        measured: bool,
-        interconnection: str,
-    ) -> None:
-        super().__init__(system, interconnection)
-        self.damping = gain("damping", damping, system.n)
-        self.coupling = matrix("coupling", coupling, system.n)
-        if np.linalg.matrix_rank(self.coupling) < system.n:
-            raise InvalidArgumentError("coupling", "must be invertible")
-        self.force_gain = gain("force_gain", force_gain, system.n)
-        if not isinstance(measured, bool):
-            raise InvalidArgumentError("measured", f"must be True or False, but is {measured!r}")
-        self.measured = measured
-        self._negative_coupling = -self.coupling
-        self._port = self.coupling @ self.force_gain  # Y
-        self._storage_gain = np.linalg.inv(self.force_gain)  # K_z⁻¹, once
+    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
+    coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 0.5)
+    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 2.0)
+
+    def prepare(self) -> None:
+        """Compute Y and K_z⁻¹."""
+        super().prepare()
         A = self.coupling
+        self._negative_coupling = -A
+        self._port = A @ self.force_gain  # Y
+        self._storage_gain = np.linalg.inv(self.force_gain)  # K_z⁻¹, once
         self._calming: Array = np.linalg.solve(A.T @ A + self._storage_gain, A.T)
 
-    @abstractmethod
-    def pull(self, x: MechanicalState) -> Array:
-        """Return −∂Ψ/∂q, shape (n,) [N·m]."""
-
-    @abstractmethod
-    def potential(self, x: MechanicalState) -> float:
-        """Return Ψ(q) [J]."""
-
-    @abstractmethod
-    def position_coordinates(self, x: MechanicalState) -> Array:
-        """Return the coordinates that Ψ is written in, with the rates q̇: q, or q − q_d."""
-
     @property
-    def state_parts(self) -> dict[str, int]:
+    def states(self) -> tuple[str, ...]:
         """The force state z, one for each joint."""
-        return {"force": self.system.n}
+        return ("force",)
 
     @property
     def needs(self) -> tuple[str, ...]:
         """The external force, when it is measured."""
-        return ("external_force",) if self.measured else ()
+        return ("external_force",) if self._feels else ()
+
+    @property
+    def _feels(self) -> bool:
+        """Whether f̄ includes the measured f_e."""
+        return False
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A z, the rate of z, and the effort −∂Ψ/∂q − G C ŷ."""
-        spring = self.pull(x)
-        driving = spring + self._measurement(measured, "external_force") if self.measured else spring
-        state_rate = x.transformed_rate(driving).dot(self._port)
-        adapted = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        aim = self.aim(t, x)
+        pull = -aim.gradient
+        driving = pull + self._measurement(measured, "external_force") if self._feels else pull
+        state_rate = self._motion_rate(x, aim.velocity, driving).dot(self._port)
+        adapted = aim.velocity - x.solve_factor_transposed(self.coupling.dot(state))
         return Shaping(
-            spring - x.injected_damping(self.damping, adapted),
+            pull - x.injected_damping(self.damping, adapted),
+            *aim.shift(),
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½|p̂|² + Ψ(q) + ½zᵀK_z⁻¹z [J]."""
-        momentum = self._adapted_momentum(x, state)
-        return float(0.5 * (momentum.dot(momentum) + state.dot(self._storage_gain.dot(state)))) + self.potential(x)
+        """Return H_d = ½|p̂|² + Ψ + ½zᵀK_z⁻¹z [J]."""
+        return self._stored(self.aim(t, x), state)
 
-    def _adapted_momentum(self, x: MechanicalState, state: Array) -> Array:
-        momentum: Array = x.transformed_momentum - self.coupling.dot(state)
-        return momentum
+    def _stored(self, aim: Aim, state: Array) -> float:
+        momentum = aim.momentum - self.coupling.dot(state)
+        return float(0.5 * (momentum.dot(momentum) + state.dot(self._storage_gain.dot(state)))) + aim.energy
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ, q̇ᵀD q̇ + ŷᵀC ŷ, and D q̇ + G C ŷ."""
-        adapted = x.velocity - x.solve_factor_transposed(self.coupling.dot(state))
-        return PassivePort.of(x, adapted, x.injected_damping(self.damping, adapted), x.velocity)
+        """Return ŷ, v_eᵀD v_e + ŷᵀC ŷ, and D v_e + G C ŷ."""
+        velocity = self.aim(t, x).velocity
+        adapted = velocity - x.solve_factor_transposed(self.coupling.dot(state))
+        return PassivePort.of(x, adapted, x.injected_damping(self.damping, adapted), velocity)
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
-        """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄, where ½|p̄ − A z|² + ½zᵀK_z⁻¹z is smallest."""
-        calm: Array = self._calming.dot(x.transformed_momentum)
+        """Return z = (AᵀA + K_z⁻¹)⁻¹Aᵀp̄_e, where ½|p̄_e − A z|² + ½zᵀK_z⁻¹z is smallest."""
+        calm: Array = self._calming.dot(self.aim(t, x).momentum)
         return calm
-
-    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return (position coordinates, p̂, z)."""
-        return np.concatenate([self.position_coordinates(x), self._adapted_momentum(x, state), state])
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (position coordinates, p̂, z)."""
-        n, port = x.system.n, self._port
-        zero, inverse = np.zeros((n, n)), x.solve_factor(np.eye(n))
-        skew, friction = x.interconnection(self.interconnection), x.transformed_damping
-        return Target(
-            coordinates=self.coordinates(t, x, state),
-            interconnection=np.block(
-                [
-                    [zero, inverse.T, inverse.T @ port],
-                    [-inverse, skew, skew @ port],
-                    [-port.T @ inverse, -port.T @ skew.T, -port.T @ skew.T @ port],
-                ]
-            ),
-            dissipation=np.block(
-                [
-                    [zero, zero, zero],
-                    [zero, self._injected_damping(x, self.damping), friction @ port],
-                    [zero, port.T @ friction, port.T @ friction @ port],
-                ]
-            ),
-            gradient=np.concatenate(
-                [
-                    -self.pull(x),
-                    self._adapted_momentum(x, state),
-                    self._storage_gain.dot(state),
-                ]
-            ),
-            port=np.vstack([zero, inverse, port.T @ inverse if self.measured else zero]),
-        )
+        aim = self.aim(t, x)
+        return self._extended(aim, aim.momentum - self.coupling.dot(state), state)
+
+    def _extended(
+        self,
+        aim: Aim,
+        momentum: Array,
+        state: Array,
+        port: Mapping[str, Array] | None = None,
+        lost: Blocks = {},  # noqa: B006 - never written to
+        drive: tuple[Mapping[str, Array], Array] | None = None,
+    ) -> Target:
+        """Return the target of the parts error, p̂ and z; of ``lost`` the blocks add to R_d."""
+        inverse, Y = aim.x.inverse_factor, self._port
+
+        def dissipation() -> Blocks:
+            own = self._dissipation(aim)
+            return own | {key: own[key] + block for key, block in lost.items()}
+
+        def felt() -> Mapping[str, Array]:
+            if port is not None:
+                return port
+            return {MOMENTUM: inverse, "force": Y.T @ inverse} if self._feels else {MOMENTUM: inverse}
+
+        own = {"force": (state, self._storage_gain.dot(state))}
+        parts = {"error": aim.error, MOMENTUM: (momentum, momentum)} | own
+        return Target.of(parts, lambda: self._interconnection(aim), dissipation, felt, drive)
+
+    def _interconnection(self, aim: Aim) -> dict[tuple[str, str], Array]:
+        """Return the blocks of J_d: those of a mechanical system, and with Y after them those of z."""
+        Y, skew, flow = self._port, aim.x.interconnection(self.interconnection), aim.coupling
+        return {
+            ("error", MOMENTUM): flow,
+            ("error", "force"): flow @ Y,
+            (MOMENTUM, MOMENTUM): skew,
+            (MOMENTUM, "force"): skew @ Y,
+            ("force", "force"): Y.T @ skew @ Y,
+        }
+
+    def _dissipation(self, aim: Aim) -> dict[tuple[str, str], Array]:
+        """Return the blocks of R_d, likewise."""
+        Y, friction = self._port, aim.x.transformed_damping
+        return {
+            (MOMENTUM, MOMENTUM): friction + aim.x.transformed_injection(self.damping),
+            (MOMENTUM, "force"): friction @ Y,
+            ("force", "force"): Y.T @ friction @ Y,
+        }

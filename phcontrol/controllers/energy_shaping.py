@@ -2,86 +2,102 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike
-
-from phcontrol._validation import Array, gain, vector
-from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target, inertia_scaled_gains
+from phcontrol._validation import Array
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.parameters import Gain
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.position_law import PositionLaw
+from phcontrol.controllers.shaping import EMPTY, Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
+_feedback = kernels.feedback
 
-class EnergyShaping(Controller):
-    """Hold a position: the arm's potential is replaced by a spring, and damping is injected.
 
-        u = G⁻¹(∂V/∂q − K_p q̃) − C y,    q̃ = q − q_d,  y = Gᵀq̇
+class EnergyShaping(PositionLaw):
+    """Hold a position or follow a motion: the arm's potential is replaced by another, and damping is injected.
 
-    The closed loop is, with H_d = ½|p̄|² + ½q̃ᵀK_p q̃ and f_e entering the second row as T⁻¹f_e,
+        u = G⁻¹(∂V/∂q − ∂Ψ/∂q + M q̈_ref + C q̇_ref + D q̇_ref) − C Gᵀv_e,    v_e = q̇ − q̇_ref
 
-        d/dt (q̃, p̄) = [[0, T⁻ᵀ], [−T⁻¹, J̄₂ − D̄ − ḠCḠᵀ]] ∇H_d.
+    The closed loop is, with H_d = ½|p̄_e|² + Ψ, p̄_e = Tᵀv_e, and f_e entering the second row as T⁻¹f_e,
 
-    The arm's friction stays in the loop. Thesis section 3.2.1 without the force feedback (A = 0).
-    A constant f_e shifts the rest position to q_d + K_p⁻¹f_e.
+        d/dt (q̃, p̄_e) = [[0, T⁻ᵀ], [−T⁻¹, J̄₂ − D̄ − ḠCḠᵀ]] ∇H_d.
+
+    The arm's friction stays in the loop. Thesis section 3.2.1 without the force feedback (A = 0). Of a spring a
+    constant f_e shifts the rest position to q_d + K_p⁻¹f_e.
 
     Args:
         system: the model of the arm.
         goal: q_d [rad].
         stiffness: K_p, scalar, vector or matrix, positive definite [N·m/rad].
-        damping: C, likewise [N·m·s/rad].
+        potential: Ψ in place of these two.
+        reference: along what, by default a goal at rest.
+        damping: C, scalar, vector or matrix, positive definite [N·m·s/rad].
         interconnection: which J̄₂ the target is written with.
     """
 
     name = "energy_shaping"
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        goal: ArrayLike,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        interconnection: str = "coriolis",
-    ) -> None:
-        super().__init__(system, interconnection)
-        self.goal = vector("goal", goal, system.n)
-        self.stiffness = gain("stiffness", stiffness, system.n)
-        self._negative_stiffness = -self.stiffness
-        self.damping = gain("damping", damping, system.n)
+    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
 
-    @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return goal, stiffness and damping: critically damped at 4 rad/s or faster."""
-        stiffness, damping = inertia_scaled_gains(system, goal)
-        return {"goal": goal, "stiffness": stiffness, "damping": damping}
+    def prepare(self) -> None:
+        """Form G C Gᵀ."""
+        super().prepare()
+        G = self.system.input_matrix
+        self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
+        self._tracks = self._trajectory is not None and self.interconnection == "coriolis"
 
-    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State θ = 0 and the effort −K_p q̃ − G C y."""
-        injected = x.injected_damping(self.damping, x.velocity)
-        return Shaping(self._negative_stiffness.dot(x.position_error(self.goal)) - injected)
+    def cancelled(self, measured: Measured) -> Array | None:
+        """Return the part of f_e that the law cancels [N·m]; None for nothing."""
+        return None
+
+    def structure(self, t: float, x: MechanicalState) -> Array:
+        """Return J̄₂."""
+        return x.interconnection(self.interconnection)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½q̇ᵀM q̇ + ½q̃ᵀK_p q̃ [J]."""
-        error = x.position_error(self.goal)
-        return x.kinetic_energy + float(0.5 * error.dot(self.stiffness.dot(error)))
-
-    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return y, q̇ᵀD q̇ + yᵀC y, and D q̇ + G C y."""
-        return PassivePort.of(x, x.velocity, x.injected_damping(self.damping, x.velocity), x.velocity)
-
-    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return (q̃, p̄)."""
-        return np.concatenate([x.position_error(self.goal), x.transformed_momentum])
+        """Return H_d = ½|p̄_e|² + Ψ [J]."""
+        aim = self.aim(t, x)
+        return float(0.5 * aim.momentum.dot(aim.momentum)) + aim.energy
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q̃, p̄)."""
-        zero, inverse = np.zeros((x.system.n, x.system.n)), x.solve_factor(np.eye(x.system.n))
-        return Target(
-            coordinates=self.coordinates(t, x, state),
-            interconnection=np.block([[zero, inverse.T], [-inverse, x.interconnection(self.interconnection)]]),
-            dissipation=np.block([[zero, zero], [zero, self._injected_damping(x, self.damping)]]),
-            gradient=np.concatenate([self.stiffness.dot(x.position_error(self.goal)), x.transformed_momentum]),
-            port=np.vstack([zero, inverse]),
+        """Return the closed loop on (q̃, p̄_e)."""
+        aim = self.aim(t, x)
+        return Target.of(
+            {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
+            lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): self.structure(t, x)},
+            lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed_injection(self.damping)},
+            lambda: {} if "external_force" in self.needs else {MOMENTUM: x.inverse_factor},
         )
+
+    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
+        """Return the torque; along a trajectory in the coriolis form neither M nor C is formed."""
+        if not self._tracks:
+            return super().evaluate(t, x, state, measured)
+        desired = self.reference.at(t)
+        velocity = desired.velocity
+        force = _feedback(
+            x.feedforward(velocity, desired.acceleration),
+            self.potential.stiffness,
+            x.position_error(desired.position),
+            self._joint_damping,
+            x.velocity,
+            velocity,
+        )
+        known = self.cancelled(measured)
+        if known is not None:
+            force -= known
+        return self._command(t, x, state, force, EMPTY)
+
+    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e."""
+        aim = self.aim(t, x)
+        effort = -(aim.gradient + self._joint_damping.dot(aim.velocity))
+        return Shaping(effort, *aim.shift(), cancelled_force=self.cancelled(measured))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return Gᵀv_e, v_eᵀ(D + G C Gᵀ)v_e, and (D + G C Gᵀ)v_e."""
+        velocity = self.aim(t, x).velocity
+        return PassivePort.of(x, velocity, self._joint_damping.dot(velocity), velocity)

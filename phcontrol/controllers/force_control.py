@@ -9,16 +9,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, positive, sequence, vector
-from phcontrol.controllers.controller import Drive, PassivePort, Shaping, Target, inertia_scaled_gains
-from phcontrol.controllers.dynamic_extension import DynamicExtension
-from phcontrol.controllers.task_potentials import Holding, JointForce, PointForce, TaskPotential
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol._validation import Array, finite_array, positive, sequence, vector
+from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.dynamic_extension import DynamicExtension, invertible
+from phcontrol.controllers.parameters import Flag, Gain, Parameter, Positive
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.joint_force import JointForce
+from phcontrol.potentials.point_force import PointForce
+from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.sum import Sum
 from phcontrol.sensors.measured import NOTHING, Measured
 
 _SURFACE = 1e4  # stiffness of a surface that is pressed [N/m]
+
+
+def _potentials(name: str, value: Any, system: MechanicalSystem) -> tuple[Potential, ...]:
+    items: tuple[Potential, ...] = sequence(name, value, "potentials", "gradient", "energy", "coordinates")
+    for item in items:
+        item.check(system)
+    return items
 
 
 class ForceControl(DynamicExtension):
@@ -57,46 +70,36 @@ class ForceControl(DynamicExtension):
 
     name = "force_control"
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        force: ArrayLike,
-        damping: ArrayLike,
-        coupling: ArrayLike,
-        force_gain: ArrayLike,
-        frame: str | None = None,
-        holding: Sequence[TaskPotential] = (),
-        feedforward: bool = True,
-        approach_speed: float | None = None,
-        contact_threshold: float = 1e-3,
-        interconnection: str = "coriolis",
-    ) -> None:
-        super().__init__(
-            system,
-            damping=damping,
-            coupling=coupling,
-            force_gain=force_gain,
-            measured=True,
-            interconnection=interconnection,
-        )
-        if frame is None:
-            self.desired: JointForce | PointForce = JointForce(vector("force", force, system.n))
-        else:
-            system.frame_id(frame)
-            self.desired = PointForce(frame, force)
-        self.holding = sequence("holding", holding, "potentials", "gradient", "energy")
-        if not isinstance(feedforward, bool):
-            raise InvalidArgumentError("feedforward", f"must be True or False, but is {feedforward!r}")
-        self.feedforward = feedforward
-        self.approach_speed = math.inf if approach_speed is None else positive("approach_speed", approach_speed)
-        self.contact_threshold = positive("contact_threshold", contact_threshold)
+    force: Parameter[ArrayLike, Array] = Parameter(
+        "f_d", "N·m", check=lambda name, value, system: finite_array(name, value), tuned=lambda t: np.zeros(t.system.n)
+    )
+    frame: Parameter[str | None, str | None] = Parameter(
+        default=None, check=lambda name, value, system: (system.frame_id(value), value)[1]
+    )
+    coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 1.0)
+    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 1.0)
+    holding: Parameter[Sequence[Potential], tuple[Potential, ...]] = Parameter("U", default=(), check=_potentials)
+    feedforward: Flag = Flag(default=True)
+    approach_speed: Parameter[float | None, float] = Parameter(
+        "v_max", "rad/s", default=None, check=lambda name, value, system: positive(name, value)
+    )
+    contact_threshold: Positive = Positive("", "N·m", default=1e-3)
 
-    @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return no force, damping for 4 rad/s, and A K_z Aᵀ = 1."""
-        _, damping = inertia_scaled_gains(system, goal)
-        return {"force": np.zeros(system.n), "damping": damping, "coupling": 1.0, "force_gain": 1.0}
+    def prepare(self) -> None:
+        """Make the potential of the desired force."""
+        if self.approach_speed is None:
+            self.approach_speed = math.inf
+        if self.frame is None:
+            self.desired: JointForce | PointForce = JointForce(vector("force", self.force, self.system.n))
+        else:
+            self.desired = PointForce(self.frame, self.force)
+        self._held: Potential = Sum(self.holding)
+        self.potential = self.desired + self._held if self.feedforward else self._held
+        super().prepare()
+
+    @property
+    def _feels(self) -> bool:
+        return True
 
     @property
     def caveat(self) -> str:
@@ -115,10 +118,14 @@ class ForceControl(DynamicExtension):
         """The law rests in contact only."""
         return "stability in contact: Ψ has a minimum only with the potential of what is pressed"
 
+    def target_posture(self, t: float) -> Array | None:
+        """Return None: where the arm rests is for the body to say that it presses on."""
+        return None
+
     def rest_posture(self, t: float) -> Array:
         """Return the posture that is held, or the arm's home [rad]."""
-        held = [potential.posture for potential in self.holding if isinstance(potential, Holding)]
-        return held[0] if held else super().rest_posture(t)
+        held = self._held.posture
+        return super().rest_posture(t) if held is None else held
 
     def contact_stiffness(self, x: MechanicalState) -> Array | None:
         """Return the stiffness of what a frame presses on, 10⁴ N/m."""
@@ -132,43 +139,29 @@ class ForceControl(DynamicExtension):
         """Return f_d [N·m]."""
         return self.desired.gradient(x)
 
-    def _held(self, x: MechanicalState) -> Array:
-        """Return −∂U/∂q [N·m]."""
-        pull = np.zeros(x.system.n)
-        for potential in self.holding:
-            pull -= potential.gradient(x)
-        return pull
+    def _acts(self, measured: Measured) -> bool:
+        """Whether f_d acts: as feedforward and part of Ψ; else it drives w alone."""
+        return self.feedforward and not self._approaches(measured)
 
-    def pull(self, x: MechanicalState) -> Array:
-        """Return −f_d − ∂U/∂q [N·m]."""
-        return self._held(x) - self.desired.gradient(x)
-
-    def potential(self, x: MechanicalState) -> float:
-        """Return Ψ: of the desired force (with feedforward) and of what is held [J]."""
-        energy: float = sum(potential.energy(x) for potential in self.holding)
-        return energy + self.desired.energy(x) if self.feedforward else energy
+    def _aim(self, t: float, x: MechanicalState, measured: Measured) -> Aim:
+        return self.aim(t, x, self.potential if self._acts(measured) else self._held)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½|p̂|² + Ψ + ½wᵀK_z⁻¹w [J], Ψ = U while the arm approaches."""
-        energy = super().storage(t, x, state, measured)
-        return energy - self.desired.energy(x) if self.feedforward and self._approaches(measured) else energy
-
-    def position_coordinates(self, x: MechanicalState) -> Array:
-        """Return q [rad]."""
-        return x.position
+        """Return H_d = ½|p̂|² + Ψ + ½wᵀK_z⁻¹w [J], Ψ = U without feedforward and while the arm approaches."""
+        return self._stored(self._aim(t, x, measured), state)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A w, the rate of w, and the effort −f_d − ∂U/∂q − G C ŷ."""
+        aim = self._aim(t, x, measured)
         leading = x.solve_factor_transposed(self.coupling.dot(state))
-        approaching = self._approaches(measured)
-        state_rate = self._free_rate(x, measured)
-        if approaching and self._is_held(leading, state, state_rate):
-            state_rate = np.zeros_like(state_rate)
-        driving = self.pull(x) if self.feedforward and not approaching else self._held(x)
+        rate = self._rate(aim, measured)
+        if self._approaches(measured) and self._is_held(leading, state, rate):
+            rate = np.zeros_like(rate)
         return Shaping(
-            driving - x.injected_damping(self.damping, x.velocity - leading),
-            offset_rate=self._negative_coupling.dot(state_rate),
-            state_rate=state_rate,
+            -(aim.gradient + x.injected_damping(self.damping, aim.velocity - leading)),
+            *aim.shift(),
+            offset_rate=self._negative_coupling.dot(rate),
+            state_rate=rate,
         )
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
@@ -176,18 +169,19 @@ class ForceControl(DynamicExtension):
         port = super().passive_port(t, x, state, measured)
         if not self._approaches(measured):
             return port
-        leading, rate = x.solve_factor_transposed(self.coupling.dot(state)), self._free_rate(x, measured)
-        if not self._is_held(leading, state, rate):
+        rate = self._rate(self._aim(t, x, measured), measured)
+        if not self._is_held(x.solve_factor_transposed(self.coupling.dot(state)), state, rate):
             return port
         taken = float(state.dot(self._storage_gain.dot(rate)))
         return port._replace(dissipated_power=port.dissipated_power + taken)
 
-    def _free_rate(self, x: MechanicalState, measured: Measured) -> Array:
+    def _rate(self, aim: Aim, measured: Measured) -> Array:
         """Return ẇ where w is not held; in approach what is measured is below the threshold, and no force."""
         force = self._measurement(measured, "external_force")
-        if self._approaches(measured):
-            force = np.zeros_like(force)
-        rate: Array = x.transformed_rate(self.pull(x) + force).dot(self._port)
+        driving = -aim.gradient if self._approaches(measured) else force - aim.gradient
+        if not self._acts(measured):
+            driving -= self.desired.gradient(aim.x)
+        rate: Array = self._motion_rate(aim.x, aim.velocity, driving).dot(self._port)
         return rate
 
     def _approaches(self, measured: Measured) -> bool:
@@ -203,22 +197,17 @@ class ForceControl(DynamicExtension):
         return bool(state.dot(self._storage_gain.dot(state_rate)) > 0.0)
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q, p̂, w); without feedforward, or in approach, f_d drives w as an input."""
-        target = super().target(t, x, state, measured)
-        approaching = self._approaches(measured)
-        if self.feedforward and not approaching:
-            return target
-        n, lever = x.system.n, self.desired.lever(x)
-        gradient, dissipation, felt = target.gradient.copy(), target.dissipation, target.port
-        gradient[:n] -= self.desired.gradient(x)
-        port = np.vstack([np.zeros((2 * n, lever.shape[1])), -self._port.T @ x.solve_factor(lever)])
+        """Return the closed loop on (position coordinates, p̂, w); where f_d does not act it drives w as an input."""
+        aim = self._aim(t, x, measured)
+        momentum = aim.momentum - self.coupling.dot(state)
+        if self._acts(measured):
+            return self._extended(aim, momentum, state)
+        approaching, inverse = self._approaches(measured), x.inverse_factor
+        lost = {}
         if approaching:
-            felt = target.port.copy()
-            felt[2 * n :] = 0.0
-            leading = x.solve_factor_transposed(self.coupling.dot(state))
-            rate = self._free_rate(x, measured)
-            if self._is_held(leading, state, rate):
-                dissipation = dissipation.copy()
-                dissipation[2 * n :, 2 * n :] += np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))
-        drive = Drive(port, self.desired.force)
-        return Target(target.coordinates, target.interconnection, dissipation, gradient, felt, drive)
+            rate = self._rate(aim, measured)
+            if self._is_held(x.solve_factor_transposed(self.coupling.dot(state)), state, rate):
+                lost = {("force", "force"): np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))}
+        drive = {"force": -self._port.T @ x.solve_factor(self.desired.lever(x))}, self.desired.force
+        port = {MOMENTUM: inverse} if approaching else {MOMENTUM: inverse, "force": self._port.T @ inverse}
+        return self._extended(aim, momentum, state, port, lost, drive)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import PassivePort, Shaping, Target
 from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import NOTHING, Measured
 
@@ -15,10 +15,10 @@ class TotalForceRejection(EnergyShaping):
     """Hold a position while the measured total force is cancelled in the same instant (3.55 to 3.58).
 
         f = −∂H/∂q − D q̇ + f_e (measured),   f̄ = T⁻¹f − T⁻¹Ṫp̄
-        Ḡu = −f̄ − T⁻¹K_p q̃ − ḠC y
+        Ḡu = −f̄ − T⁻¹∂Ψ/∂q − ḠC Gᵀv_e + Ṫᵀq̇_ref + Tᵀq̈_ref
 
     In joint coordinates u = G⁻¹(−f + Ṫp̄ − K_p q̃) − C y; the thesis's (3.59) has no Ṫp̄: errata E7. The
-    closed loop on (q̃, p̄), with H_d = ½|p̄|² + ½q̃ᵀK_p q̃, is (3.56) with damping,
+    closed loop on (q̃, p̄_e), with H_d = ½|p̄_e|² + Ψ, is (3.56) with damping,
 
         [[0, T⁻ᵀ], [−T⁻¹, −ḠCḠᵀ]] ∇H_d,
 
@@ -36,24 +36,24 @@ class TotalForceRejection(EnergyShaping):
         """The total force."""
         return ("total_force",)
 
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the closed loop on (q̃, p̄_e); no port is left for f_e."""
+        aim = self.aim(t, x)
+        return Target.of(
+            {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
+            lambda: {("error", MOMENTUM): aim.coupling},
+            lambda: {(MOMENTUM, MOMENTUM): x.transformed_injection(self.damping)},
+        )
+
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State the effort −f + Ṫp̄ − K_p q̃ − G C y − ∂V/∂q (the base class adds ∂V/∂q again)."""
-        held = super().shape(t, x, state, measured).effort
-        inertial = x.factor_rate.dot(x.transformed_momentum)
-        return Shaping(held + inertial - self._measurement(measured, "total_force") - x.potential_gradient)
+        """State ϑ = −Tᵀq̇_ref and the effort −f + Ṫp̄ − ∂Ψ/∂q − G C Gᵀv_e − ∂V/∂q (the base adds ∂V/∂q again)."""
+        aim = self.aim(t, x)
+        effort = x.factor_rate.dot(x.transformed_momentum) - self._measurement(measured, "total_force")
+        effort -= x.potential_gradient + aim.gradient + x.injected_damping(self.damping, aim.velocity)
+        s, s_rate = aim.shift()
+        return Shaping(effort, offset_rate=None if s is None else s.dot(x.factor_rate) + s_rate.dot(x.factor))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return y, yᵀC y, and G C y: friction is cancelled."""
-        return PassivePort.of(x, x.velocity, x.injected_damping(self.damping, x.velocity))
-
-    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q̃, p̄); no port is left for f_e."""
-        zero, inverse = np.zeros((x.system.n, x.system.n)), x.solve_factor(np.eye(x.system.n))
-        damping = x.transformed_input @ self.damping @ x.transformed_input.T
-        return Target(
-            coordinates=self.coordinates(t, x, state),
-            interconnection=np.block([[zero, inverse.T], [-inverse, zero]]),
-            dissipation=np.block([[zero, zero], [zero, damping]]),
-            gradient=np.concatenate([self.stiffness.dot(x.position_error(self.goal)), x.transformed_momentum]),
-            port=np.vstack([zero, zero]),
-        )
+        """Return Gᵀv_e, v_eᵀG C Gᵀv_e, and G C Gᵀv_e: friction is cancelled."""
+        velocity = self.aim(t, x).velocity
+        return PassivePort.of(x, velocity, x.injected_damping(self.damping, velocity))

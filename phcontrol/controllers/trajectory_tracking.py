@@ -8,19 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, gain, number
-from phcontrol.controllers.controller import (
-    EMPTY,
-    Command,
-    Controller,
-    PassivePort,
-    Shaping,
-    Target,
-    inertia_scaled_gains,
-)
+from phcontrol._validation import Array, number
+from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.parameters import Flag, NonNegative, Parameter
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
-from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics import kernels
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -29,10 +25,16 @@ from phcontrol.trajectories.minimum_jerk import MinimumJerk, usual_speed
 from phcontrol.trajectories.sinusoid import Sinusoid
 from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
 
-_feedback = kernels.feedback
+
+def _usual_trajectory(tuning: Tuning) -> Trajectory:
+    """Return a minimum-jerk motion from home to the goal within the velocity limits; to home itself, a swing."""
+    robot, goal = tuning.system.robot, tuning.goal
+    if np.array_equal(goal, robot.home):
+        return swing(robot, robot.near_home())
+    return MinimumJerk.within_limits(robot, robot.home, goal)
 
 
-class TrajectoryTracking(Controller):
+class TrajectoryTracking(EnergyShaping):
     """Follow a trajectory: a spring and a damper between the arm and a goal that moves.
 
         p̂ = Tᵀ(q̇ − q̇_d),   q̃ = q − q_d(t)
@@ -67,44 +69,25 @@ class TrajectoryTracking(Controller):
     name = "tracking"
     forms: ClassVar[tuple[str, ...]] = (*INTERCONNECTIONS, "transformed")
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        trajectory: Trajectory,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        measured: bool = False,
-        hold: float = 0.0,
-        interconnection: str = "coriolis",
-    ) -> None:
-        super().__init__(system, interconnection)
-        self.trajectory = check_trajectory("trajectory", trajectory, system.n)
-        self.stiffness = gain("stiffness", stiffness, system.n)
-        self.damping = gain("damping", damping, system.n)
-        if not isinstance(measured, bool):
-            raise InvalidArgumentError("measured", "must be True or False")
-        self.measured = measured
-        self.hold = number("hold", hold, minimum=0.0)
-        self.transformation = TrackingTransformation(system, trajectory, self.stiffness)
-        self._is_coriolis, self._transformed = interconnection == "coriolis", interconnection == "transformed"
-        matrix = system.input_matrix
-        self._joint_damping = self.damping if matrix is None else matrix @ self.damping @ matrix.T
+    trajectory: Parameter[Trajectory, Trajectory] = Parameter(
+        "q_d", "rad", check=lambda name, value, system: check_trajectory(name, value, system.n), tuned=_usual_trajectory
+    )
+    measured: Flag = Flag(default=False)
+    hold: NonNegative = NonNegative("h", "s", default=0.0)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return gains critically damped at 4 rad/s or faster, and a trajectory from home to the goal.
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float
+    ) -> dict[str, Any]:
+        """Return gains that suit a robot, and a trajectory from home to the goal."""
+        return super().default_gains(system, goal, given={*given, "goal"}, **wish)
 
-        It is a minimum-jerk motion at up to half the velocity limits; with the goal at home itself, a swing.
-        """
-        stiffness, damping = inertia_scaled_gains(system, goal)
-        robot = system.robot
-        trajectory: Trajectory = (
-            swing(robot, robot.near_home())
-            if np.array_equal(goal, robot.home)
-            else MinimumJerk.within_limits(robot, robot.home, goal)
-        )
-        return {"trajectory": trajectory, "stiffness": stiffness, "damping": damping}
+    def prepare(self) -> None:
+        """Take the trajectory for the reference."""
+        self.reference = self.trajectory
+        super().prepare()
+        self.transformation = TrackingTransformation(self.system, self.trajectory, self.stiffness)
+        self._transformed = self.interconnection == "transformed"
 
     @property
     def unheld(self) -> TrajectoryTracking:
@@ -118,83 +101,30 @@ class TrajectoryTracking(Controller):
         """The external force, when it is cancelled."""
         return ("external_force",) if self.measured else ()
 
-    @property
-    def time_span(self) -> float:
-        """The trajectory's duration [s]."""
-        return max(self.trajectory.duration, 1e-3)
-
-    def target_posture(self, t: float) -> Array:
-        """Return q_d at time t [s]."""
-        return self.trajectory.at(t).position
-
     def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
-        """Return the torque; see :meth:`Controller.evaluate`. The coriolis form needs neither M nor C to be formed."""
+        """Return the torque; see :meth:`Controller.evaluate`."""
         if self.hold:
             t, x = self._middle_of_hold(t, x)
-        if not self._is_coriolis:
-            return super().evaluate(t, x, state, measured)
-        goal = self.trajectory.at(t)
-        force = _feedback(
-            x.feedforward(goal.velocity, goal.acceleration),
-            self.stiffness,
-            x.position_error(goal.position),
-            self._joint_damping,
-            x.velocity,
-            goal.velocity,
-        )
-        if self.measured:
-            force -= self._measurement(measured, "external_force")
-        return self._command(t, x, state, force, EMPTY)
+        return super().evaluate(t, x, state, measured)
+
+    def cancelled(self, measured: Measured) -> Array | None:
+        """Return the measured f_e, when it is cancelled."""
+        return self._measurement(measured, "external_force") if self.measured else None
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_d, its rate, and the effort −K_t q̃ − G C_d Gᵀ(q̇ − q̇_d); "transformed" states −Gβ instead."""
-        goal = self.trajectory.at(t)
-        force = self._measurement(measured, "external_force") if self.measured else None
+        """State what energy shaping does; "transformed" states −Gβ instead."""
+        if not self._transformed:
+            return super().shape(t, x, state, measured)
+        aim, desired = self.aim(t, x), self.trajectory.at(t)
+        shift = self.transformation.input_force(x, desired) + x.potential_gradient  # the base adds ∂V/∂q again
+        injected = x.injected_damping(self.damping, aim.velocity)
+        return Shaping(-(shift + injected), cancelled_force=self.cancelled(measured))
+
+    def structure(self, t: float, x: MechanicalState) -> Array:
+        """Return J̄₂."""
         if self._transformed:
-            shift = self.transformation.input_force(x, goal) + x.potential_gradient  # the base class adds ∂V/∂q again
-            return Shaping(-shift - self._injection(x, goal), cancelled_force=force)
-        effort = -self.stiffness.dot(x.position_error(goal.position)) - self._injection(x, goal)
-        return Shaping(effort, -goal.velocity, -goal.acceleration, None, force)
-
-    def _injection(self, x: MechanicalState, goal: Reference) -> Array:
-        """Return G C_d Gᵀ(q̇ − q̇_d) [N·m]."""
-        force: Array = self._joint_damping.dot(x.velocity - goal.velocity)
-        return force
-
-    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½|p̂|² + ½q̃ᵀK_t q̃ [J]."""
-        error, momentum = self._coordinates(x, self.trajectory.at(t))
-        return float(0.5 * (momentum.dot(momentum) + error.dot(self.stiffness.dot(error))))
-
-    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return Gᵀv, vᵀ(D + G C_d Gᵀ)v, and (D + G C_d Gᵀ)v, v = q̇ − q̇_d."""
-        slip = x.velocity - self.trajectory.at(t).velocity
-        return PassivePort.of(x, slip, self._joint_damping.dot(slip), slip)
-
-    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return (q̃, p̂)."""
-        return np.concatenate(self._coordinates(x, self.trajectory.at(t)))
-
-    def _coordinates(self, x: MechanicalState, goal: Reference) -> tuple[Array, Array]:
-        return x.position_error(goal.position), (x.velocity - goal.velocity).dot(x.factor)
-
-    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q̃, p̂)."""
-        goal = self.trajectory.at(t)
-        error, momentum = self._coordinates(x, goal)
-        zero, inverse = np.zeros((x.system.n, x.system.n)), x.solve_factor(np.eye(x.system.n))
-        structure = (
-            self.transformation.interconnection(x, goal)
-            if self._transformed
-            else x.interconnection(self.interconnection)
-        )
-        return Target(
-            coordinates=np.concatenate([error, momentum]),
-            interconnection=np.block([[zero, inverse.T], [-inverse, structure]]),
-            dissipation=np.block([[zero, zero], [zero, self._injected_damping(x, self.damping)]]),
-            gradient=np.concatenate([self.stiffness.dot(error), momentum]),
-            port=np.vstack([zero, zero if self.measured else inverse]),
-        )
+            return self.transformation.interconnection(x, self.trajectory.at(t))
+        return super().structure(t, x)
 
     def _middle_of_hold(self, t: float, x: MechanicalState) -> tuple[float, MechanicalState]:
         """Return time and state half a period on, if the arm moves as the reference does."""

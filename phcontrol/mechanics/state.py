@@ -231,6 +231,11 @@ class MechanicalState:
         return _solve_transposed(self.factor, momentum)
 
     @lazy
+    def inverse_factor(self) -> Array:
+        """T⁻¹, shape (n, n), lower triangular."""
+        return self.solve_factor(np.eye(self.system.n))
+
+    @lazy
     def transformed_momentum(self) -> Array:
         """p̄ = T⁻¹p = Tᵀq̇, shape (n,) (2.31)."""
         momentum: Array = self.velocity.dot(self.factor)
@@ -257,6 +262,11 @@ class MechanicalState:
         """Ḡ = T⁻¹G, shape (n, n) (2.40)."""
         return self.solve_factor(self.input_matrix)
 
+    def transformed_injection(self, damping: Array) -> Array:
+        """Return ḠCḠᵀ of an injected damping C, shape (n, n)."""
+        result: Array = self.transformed_input @ damping @ self.transformed_input.T
+        return result
+
     def transformed_rate(self, force: Array) -> Array:
         """Return T⁻¹f + (J̄₂ − D̄)p̄, shape (n,): p̄̇ when ``force`` f is all that acts beside motion [N·m].
 
@@ -267,13 +277,16 @@ class MechanicalState:
             force = force - self.friction_torque
         return _transformed_rate(self.factor, self.coriolis_matrix, self.velocity, force)
 
-    def structure_rate(self, form: str, velocity: Array) -> Array:
-        """Return (J̄₂ − D̄)Tᵀs for a velocity s [rad/s] and a form of J̄₂, shape (n,)."""
-        losses = np.zeros(self.system.n) if self.damping is None else self.damping * velocity
+    def structure_rate(self, form: str, velocity: Array, force: Array | None = None) -> Array:
+        """Return (J̄₂ − D̄)Tᵀs + T⁻¹f for a velocity s [rad/s], a form of J̄₂ and a force f [N·m], shape (n,)."""
+        if force is None:
+            force = np.zeros(self.system.n)
+        if self.damping is not None:
+            force = force - self.damping * velocity
         if form == "coriolis":
-            return _transformed_rate(self.factor, self.coriolis_matrix, velocity, -losses)
+            return _transformed_rate(self.factor, self.coriolis_matrix, velocity, force)
         rate: Array = self.interconnection(form).dot(velocity.dot(self.factor))
-        return rate - self.solve_factor(losses)
+        return rate + self.solve_factor(force)
 
     @lazy
     def coriolis_interconnection(self) -> Array:

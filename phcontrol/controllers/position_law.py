@@ -1,0 +1,68 @@
+"""The base of laws that hold a position: with a spring on the joints, or about any potential."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from phcontrol._validation import Array
+from phcontrol.controllers.parameters import Gain, Parameter, Vector
+from phcontrol.controllers.shaped_law import ShapedLaw
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.joint_spring import JointSpring
+from phcontrol.potentials.potential import Potential
+from phcontrol.trajectories.frame_path import FramePath
+
+
+def _potential(name: str, value: Any, system: MechanicalSystem) -> Potential:
+    if not isinstance(value, Potential):
+        raise InvalidArgumentError(name, f"must be a Potential, but is {type(value).__name__}")
+    value.check(system)
+    return value
+
+
+class PositionLaw(ShapedLaw):
+    """Laws whose Ψ is given as ``potential``, or for short as a spring on the joints: ``goal`` and ``stiffness``.
+
+    Along a trajectory of the joints no goal is given: the trajectory is it.
+
+    Args:
+        goal: q_d [rad].
+        stiffness: K_p, scalar, vector or matrix, positive definite [N·m/rad].
+        potential: Ψ in place of these two.
+    """
+
+    goal: Vector = Vector("q_d", "rad", default=None, tuned=lambda tuning: tuning.goal)
+    stiffness: Gain = Gain("K_p", "N·m/rad", default=None, tuned=lambda tuning: tuning.stiffness)
+    potential: Parameter[Potential | None, Potential] = Parameter("Ψ", default=None, check=_potential)
+
+    @classmethod
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+        """Return gains that suit a robot; a potential or reference that is given takes the place of goal and spring."""
+        taken = {*given}
+        if "potential" in taken:
+            taken |= {"goal", "stiffness"}
+        if "reference" in taken:
+            taken.add("goal")
+        return super().default_gains(system, goal, given=taken, **wish)
+
+    def prepare(self) -> None:
+        """Make the spring of the joints where no potential is given."""
+        if self.potential is None:
+            self.potential = self._joint_spring()
+        elif self.goal is not None or self.stiffness is not None:
+            raise InvalidArgumentError("potential", "takes the place of goal and stiffness: give it or these two")
+        super().prepare()
+
+    def _joint_spring(self) -> JointSpring:
+        if isinstance(self.reference, FramePath):
+            raise InvalidArgumentError("potential", "must be given with the path of a frame: a spring on that frame")
+        if self.stiffness is None:
+            raise InvalidArgumentError("stiffness", "must be given, or a potential in place of goal and stiffness")
+        if self.reference is not None:
+            if self.goal is not None:
+                raise InvalidArgumentError("goal", "must not be given beside a reference, which is the goal")
+            return JointSpring(self.reference.at(0.0).position, self.stiffness)
+        if self.goal is None:
+            raise InvalidArgumentError("goal", "must be given, or a reference or a potential in its place")
+        return JointSpring(self.goal, self.stiffness)

@@ -1,0 +1,86 @@
+"""The base of laws whose virtual position a regulation of the contact force may move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.force_regulation import ForceRegulation
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.position_law import PositionLaw
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.joint_spring import JointSpring
+from phcontrol.sensors.measured import Measured
+
+VIRTUAL_POSITION = "virtual_position"
+"""The state in which a regulation keeps how far it has moved q_f."""
+
+
+def _regulation(name: str, value: object, system: MechanicalSystem) -> ForceRegulation:
+    if not isinstance(value, ForceRegulation):
+        raise InvalidArgumentError(name, f"must be a ForceRegulation, but is {type(value).__name__}")
+    if value.force.size != system.n:
+        raise InvalidArgumentError(name, f"is for {value.force.size} joints, the system has {system.n}")
+    return value
+
+
+class RegulatedLaw(PositionLaw):
+    """Laws about a virtual position q_f, which with ``regulation`` moves until the contact force is the desired one.
+
+    How far q_f has moved is a state of the law, promised as what it is: driven by f_e − f_d.
+
+    Args:
+        regulation: the outer integrator, or None.
+    """
+
+    regulation: Parameter[ForceRegulation | None, ForceRegulation | None] = Parameter(default=None, check=_regulation)
+
+    def prepare(self) -> None:
+        """Check that there is a virtual position to move."""
+        super().prepare()
+        if self.regulation is not None and not isinstance(self.potential, JointSpring):
+            raise InvalidArgumentError("regulation", "moves the goal of a joint spring: give goal and stiffness")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """With regulation, how far q_f has moved."""
+        return () if self.regulation is None else (VIRTUAL_POSITION,)
+
+    @property
+    def caveat(self) -> str:
+        """Say that regulation puts energy in."""
+        return "" if self.regulation is None else "the moving virtual position supplies energy; it is an outer loop"
+
+    @property
+    def driven_by(self) -> str:
+        """With regulation, the error of the contact force."""
+        return "" if self.regulation is None else "f_e − f_d, which moves the virtual position"
+
+    @property
+    def lacks_minimum(self) -> str:
+        """With regulation the law rests in contact only."""
+        if self.regulation is None:
+            return super().lacks_minimum
+        return "stability in contact: it rests where the body it touches answers with f_d"
+
+    def rest_force(self, x: MechanicalState) -> Array | None:
+        """Return f_d, with regulation."""
+        return None if self.regulation is None else self.regulation.force
+
+    def aim_at_virtual_position(self, t: float, x: MechanicalState, moved: Array) -> Aim:
+        """Return what is aimed at when q_f has moved by some way, shape (n,) [rad]; none without regulation."""
+        aim = self.aim(t, x)
+        if self.regulation is None:
+            return aim
+        goal = self.potential.goal if aim.goal is None else aim.goal
+        return Aim(x, self.potential, goal + moved, aim.reference_velocity, aim.reference_acceleration)
+
+    def drive(self, measured: Measured) -> tuple[dict[str, Array], Array] | None:
+        """Return how the moving q_f enters the parts of the target, and q̇_f; None without regulation."""
+        if self.regulation is None or measured.external_force is None:
+            return None
+        one = np.eye(self.system.n)
+        return {"error": -one, VIRTUAL_POSITION: one}, self.regulation.rate(measured.external_force)

@@ -1,0 +1,97 @@
+"""The base of laws that shape a potential along a reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.potential import Potential
+from phcontrol.trajectories.frame_path import FramePath, check_frame_path
+from phcontrol.trajectories.resolved_motion import resolved_motion
+from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
+
+AnyReference = Trajectory | FramePath
+"""Along what a law may lead the arm."""
+
+
+def _reference(name: str, value: Any, system: MechanicalSystem) -> AnyReference:
+    if isinstance(value, FramePath):
+        system.frame_id(value.frame)
+        return check_frame_path(name, value)
+    return check_trajectory(name, value, system.n)
+
+
+class ShapedLaw(Controller):
+    """Laws about a potential Ψ, along a reference: any of them goes with any of these.
+
+    The goal of Ψ moves with ``reference``: a trajectory of the joints, or the path of a frame that a spring pulls at.
+    Target and storage function are those of the error state (:class:`Aim`), so that they do not know the time.
+
+    Args:
+        reference: along what, by default a goal at rest.
+    """
+
+    reference: Parameter[AnyReference | None, AnyReference | None] = Parameter(default=None, check=_reference)
+
+    potential: Potential
+    """Ψ."""
+
+    def prepare(self) -> None:
+        """Check that potential and reference fit the arm and each other; the potential must have been made."""
+        super().prepare()
+        self._path = self.reference if isinstance(self.reference, FramePath) else None
+        self._trajectory = None if self._path is not None else self.reference
+        self.potential.check(self.system)
+        if self._path is not None and self._path.frame not in self.potential.follows:
+            raise InvalidArgumentError(
+                "reference", f"is a path of '{self._path.frame}': the potential must have a spring on that frame"
+            )
+        if self._trajectory is not None and "joints" not in self.potential.follows:
+            raise InvalidArgumentError("reference", "is a trajectory of the joints: the potential must be one of theirs")
+
+    def aim(self, t: float, x: MechanicalState, potential: Potential | None = None) -> Aim:
+        """Return what potential (Ψ, or another) and reference make of a state at time t [s]."""
+        shaped = self.potential if potential is None else potential
+        if self.reference is None:
+            return Aim(x, shaped)
+        if self._path is not None:
+            pose = self._path.at(t)
+            motion = resolved_motion(x, self._path.frame, pose)
+            return Aim(x, shaped, pose, motion.velocity, motion.acceleration)
+        desired = self._trajectory.at(t)
+        return Aim(x, shaped, desired.position, desired.velocity, desired.acceleration)
+
+    @property
+    def lacks_minimum(self) -> str:
+        """What the potential has instead of a strict minimum."""
+        return self.potential.lacks_minimum(self.system)
+
+    @property
+    def time_span(self) -> float:
+        """The reference's duration [s]."""
+        return 0.0 if self.reference is None else max(self.reference.duration, 1e-3)
+
+    def target_posture(self, t: float) -> Array | None:
+        """Return q_d at time t [s]; None where the potential does not tell one posture."""
+        if self._trajectory is not None:
+            return self._trajectory.at(t).position
+        return self.potential.posture if self.reference is None else None
+
+    def reference_velocity(self, t: float, x: MechanicalState) -> Array:
+        """Return q̇_ref, shape (n,) [rad/s]."""
+        velocity = self.aim(t, x).reference_velocity
+        return np.zeros(self.system.n) if velocity is None else velocity
+
+    def _motion_rate(self, x: MechanicalState, velocity: Array, force: Array) -> Array:
+        """Return T⁻¹f + (J̄₂ − D̄)Tᵀv, shape (n,)."""
+        if velocity is x.velocity:
+            return x.transformed_rate(force)
+        return x.structure_rate(self.interconnection, velocity, force)
