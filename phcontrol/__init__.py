@@ -43,11 +43,20 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.potentials.frame_spring import FrameSpring
+from phcontrol.potentials.frame_wrench import FrameWrench
+from phcontrol.potentials.joint_force import JointForce
+from phcontrol.potentials.joint_spring import JointSpring
+from phcontrol.potentials.point_force import PointForce
+from phcontrol.potentials.position_potential import PositionPotential
+from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.storage_condition import StorageCondition
@@ -113,6 +122,8 @@ __all__ = [
     "ForceFeedback",
     "ForceRegulation",
     "ForceSensor",
+    "FrameSpring",
+    "FrameWrench",
     "GainBound",
     "GripperSpring",
     "HamiltonianServo",
@@ -121,6 +132,8 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "JointForce",
+    "JointSpring",
     "LimitReport",
     "Limits",
     "LiveView",
@@ -139,7 +152,11 @@ __all__ = [
     "PacketFaults",
     "PassivePort",
     "PinholeCamera",
+    "PointForce",
+    "Pose",
+    "PositionPotential",
     "Posture",
+    "Potential",
     "PowerBalance",
     "Pulse",
     "QuinticSpline",
@@ -160,6 +177,7 @@ __all__ = [
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "SingleJointSpring",
     "Sinusoid",
     "SphereContact",
     "Step",
