@@ -67,10 +67,20 @@ from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm
+from phcontrol.trajectories.figure_of_eight import FigureOfEight
+from phcontrol.trajectories.files import read_frame_path
+from phcontrol.trajectories.frame_arc import FrameArc
+from phcontrol.trajectories.frame_line import FrameLine
+from phcontrol.trajectories.frame_path import FramePath, FrameReference
+from phcontrol.trajectories.frame_spline import FrameSpline
 from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.path_limits import within_limits
+from phcontrol.trajectories.resolved_motion import ResolvedMotion, resolved_motion
+from phcontrol.trajectories.sampled_frame_path import SampledFramePath
 from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.slowed_path import SlowedPath
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
 from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.vision.extraction import extract_features
@@ -106,6 +116,7 @@ __all__ = [
     "EnergyShaping",
     "Equilibrium",
     "FeatureFlow",
+    "FigureOfEight",
     "FilterStatus",
     "FilteredTorque",
     "ForceConditions",
@@ -113,6 +124,11 @@ __all__ = [
     "ForceFeedback",
     "ForceRegulation",
     "ForceSensor",
+    "FrameArc",
+    "FrameLine",
+    "FramePath",
+    "FrameReference",
+    "FrameSpline",
     "GainBound",
     "GripperSpring",
     "HamiltonianServo",
@@ -148,11 +164,13 @@ __all__ = [
     "Reference",
     "RenderedView",
     "Renderer",
+    "ResolvedMotion",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "RobotDescriptionWarning",
     "Sampled",
+    "SampledFramePath",
     "SampledTrajectory",
     "Schedule",
     "Shaping",
@@ -161,6 +179,7 @@ __all__ = [
     "SimulationInterrupted",
     "Sine",
     "Sinusoid",
+    "SlowedPath",
     "SphereContact",
     "Step",
     "StorageCondition",
@@ -192,6 +211,9 @@ __all__ = [
     "make_controller",
     "measured_l2_gain",
     "reach",
+    "read_frame_path",
     "record",
+    "resolved_motion",
     "simulate",
+    "within_limits",
 ]

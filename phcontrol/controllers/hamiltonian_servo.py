@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, gain, matrix
 from phcontrol.controllers.controller import PassivePort, Target
 from phcontrol.controllers.servo_velocity import ServoVelocity
-from phcontrol.controllers.singular_damping import SingularDamping
 from phcontrol.controllers.visual_servo import OBJECT_LENGTH, View, VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import transformed_velocity_derivative
+from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
