@@ -7,7 +7,8 @@ from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
-from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
@@ -15,10 +16,13 @@ from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.parameters import Flag, Gain, Matrix, NonNegative, Parameter, Positive, Vector
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
 from phcontrol.controllers.schedule import Schedule
-from phcontrol.controllers.task_potentials import Holding
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
@@ -43,11 +47,21 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.potentials.frame_spring import FrameSpring
+from phcontrol.potentials.frame_wrench import FrameWrench
+from phcontrol.potentials.holding import Holding
+from phcontrol.potentials.joint_force import JointForce
+from phcontrol.potentials.joint_spring import JointSpring
+from phcontrol.potentials.point_force import PointForce
+from phcontrol.potentials.position_potential import PositionPotential
+from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.storage_condition import StorageCondition
@@ -67,10 +81,20 @@ from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.simulated_arm import SimulatedArm
 from phcontrol.simulation.udp_arm import UdpArm
+from phcontrol.trajectories.figure_of_eight import FigureOfEight
+from phcontrol.trajectories.files import read_frame_path
+from phcontrol.trajectories.frame_arc import FrameArc
+from phcontrol.trajectories.frame_line import FrameLine
+from phcontrol.trajectories.frame_path import FramePath, FrameReference
+from phcontrol.trajectories.frame_spline import FrameSpline
 from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.path_limits import within_limits
+from phcontrol.trajectories.resolved_motion import ResolvedMotion, resolved_motion
+from phcontrol.trajectories.sampled_frame_path import SampledFramePath
 from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.slowed_path import SlowedPath
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
 from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.vision.extraction import extract_features
@@ -106,13 +130,23 @@ __all__ = [
     "EnergyShaping",
     "Equilibrium",
     "FeatureFlow",
+    "FigureOfEight",
     "FilterStatus",
     "FilteredTorque",
+    "Flag",
     "ForceConditions",
     "ForceControl",
     "ForceFeedback",
     "ForceRegulation",
     "ForceSensor",
+    "FrameArc",
+    "FrameLine",
+    "FramePath",
+    "FrameReference",
+    "FrameSpline",
+    "FrameSpring",
+    "FrameWrench",
+    "Gain",
     "GainBound",
     "GripperSpring",
     "HamiltonianServo",
@@ -121,11 +155,14 @@ __all__ = [
     "IntegralAction",
     "InvalidArgumentError",
     "JointContact",
+    "JointForce",
+    "JointSpring",
     "LimitReport",
     "Limits",
     "LiveView",
     "Log",
     "LoopMode",
+    "Matrix",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
@@ -133,13 +170,20 @@ __all__ = [
     "MissingMeasurementError",
     "MomentumObserver",
     "NonFiniteTorqueError",
+    "NonNegative",
     "ObjectLostError",
     "ObservedObject",
     "PHControlError",
     "PacketFaults",
+    "Parameter",
     "PassivePort",
     "PinholeCamera",
+    "PointForce",
+    "Pose",
+    "PositionPotential",
+    "Positive",
     "Posture",
+    "Potential",
     "PowerBalance",
     "Pulse",
     "QuinticSpline",
@@ -148,11 +192,13 @@ __all__ = [
     "Reference",
     "RenderedView",
     "Renderer",
+    "ResolvedMotion",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
     "RobotDescriptionWarning",
     "Sampled",
+    "SampledFramePath",
     "SampledTrajectory",
     "Schedule",
     "Shaping",
@@ -160,7 +206,9 @@ __all__ = [
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
+    "SingleJointSpring",
     "Sinusoid",
+    "SlowedPath",
     "SphereContact",
     "Step",
     "StorageCondition",
@@ -174,6 +222,7 @@ __all__ = [
     "UdpArm",
     "UnknownNameError",
     "UnreachableTargetError",
+    "Vector",
     "Wrench",
     "__version__",
     "certify",
@@ -192,6 +241,9 @@ __all__ = [
     "make_controller",
     "measured_l2_gain",
     "reach",
+    "read_frame_path",
     "record",
+    "resolved_motion",
     "simulate",
+    "within_limits",
 ]

@@ -96,6 +96,30 @@ def gain(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
+def rotation(name: str, value: ArrayLike) -> Array:
+    """Return ``value`` as a read-only (3, 3) rotation: orthonormal to 1e-6 (six digits of a file), determinant +1."""
+    array = finite_array(name, value)
+    if array.shape != (3, 3):
+        raise InvalidArgumentError(name, f"must be a (3, 3) rotation, but has shape {array.shape}")
+    defect = float(np.abs(array @ array.T - np.eye(3)).max())
+    if defect > 1e-6:
+        raise InvalidArgumentError(name, f"must be a rotation, but R Rᵀ differs from 1 by {defect:.2g}")
+    if np.linalg.det(array) < 0.0:
+        raise InvalidArgumentError(name, "must be a rotation, but mirrors (its determinant is -1)")
+    return array
+
+
+def direction(name: str, value: ArrayLike) -> Array:
+    """Return ``value`` as a read-only unit vector of length 3."""
+    array = vector(name, value, 3)
+    length = float(np.linalg.norm(array))
+    if not 1e-9 <= length < math.inf:
+        raise InvalidArgumentError(name, f"must not be zero, nor too large to be scaled, but has length {length:g}")
+    array = array / length
+    array.flags.writeable = False
+    return array
+
+
 def number(
     name: str, value: float, *, minimum: float = -math.inf, exclusive: bool = False, maximum: float = math.inf
 ) -> float:
@@ -125,6 +149,13 @@ def count(name: str, value: int, *, minimum: int = 1) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < minimum:
         raise InvalidArgumentError(name, f"must be an integer >= {minimum}, but is {value!r}")
     return int(value)
+
+
+def flag(name: str, value: bool) -> bool:
+    """Return ``value`` when it is True or False."""
+    if not isinstance(value, bool):
+        raise InvalidArgumentError(name, f"must be True or False, but is {value!r}")
+    return value
 
 
 def choice(kind: str, value: Any, options: Iterable[str]) -> str:

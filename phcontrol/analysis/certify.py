@@ -318,7 +318,9 @@ def _stability(rests: list[RestPoint]) -> str:
 
 def _conditions(controller: Controller, log: Log | None) -> dict[str, float]:
     """Return the smallest value of each condition, at the goal and along a run."""
-    conditions = {f"{name}, at the goal": value for name, value in controller.goal_conditions().items()}
+    at_rest = controller.system.at(controller.rest_posture(0.0))
+    seen = measure_truly(at_rest, np.zeros(at_rest.system.n), controller.needs, controller.rest_scene(at_rest))
+    conditions = {f"{name}, at the goal": value for name, value in controller.conditions(at_rest, seen).items()}
     for k in range(0 if log is None else len(log)):
         assert log is not None
         x = controller.system.at(log.position[k], log.velocity[k])

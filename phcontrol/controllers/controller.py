@@ -23,7 +23,7 @@ from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, 
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
-from phcontrol.vision.scene import Scene
+from phcontrol.vision.scene import Eyes, Scene
 
 Law = TypeVar("Law", bound="Controller")
 
@@ -252,6 +252,11 @@ class Controller(Declared, ABC):
         """Return what is to be seen where the law rests; None for a law without eyes."""
         return None
 
+    @property
+    def eyes(self) -> Eyes | None:
+        """What a law with a camera sees by; None for a law without eyes."""
+        return None
+
     def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
         """Return what the law's claim rests on beside its target, by name: each must be positive at this state."""
         return {}
@@ -324,9 +329,7 @@ class Controller(Declared, ABC):
         return Tuning(system, goal, goal, bandwidth, damping_ratio)
 
     @classmethod
-    def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float
-    ) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia at the goal.
 
         Args:
@@ -370,9 +373,7 @@ class Controller(Declared, ABC):
                 known = [known for known in cls.parameters if known != "interconnection"]
                 raise UnknownNameError("option", name, known, f" of {cls.name}")
         checked_goal = cls.check_goal(system, goal)
-        gains = cls.default_gains(
-            system, checked_goal, given=options, bandwidth=bandwidth, damping_ratio=damping_ratio
-        )
+        gains = cls.default_gains(system, checked_goal, given=options, bandwidth=bandwidth, damping_ratio=damping_ratio)
         return cls(system, **(gains | options))
 
 

@@ -19,6 +19,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
+
 def invertible(name: str, value: ArrayLike, system: MechanicalSystem) -> Array:
     """Return an invertible (n, n) matrix. Raises InvalidArgumentError when it is not."""
     checked = matrix(name, value, system.n)

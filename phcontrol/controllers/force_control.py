@@ -93,7 +93,7 @@ class ForceControl(DynamicExtension):
             self.desired: JointForce | PointForce = JointForce(vector("force", self.force, self.system.n))
         else:
             self.desired = PointForce(self.frame, self.force)
-        self._held: Potential = Sum(self.holding)
+        self._held: Potential = Sum(*self.holding)
         self.potential = self.desired + self._held if self.feedforward else self._held
         super().prepare()
 

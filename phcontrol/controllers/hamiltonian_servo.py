@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.controller import PassivePort, Target
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.servo_velocity import ServoVelocity
-from phcontrol.controllers.singular_damping import SingularDamping
-from phcontrol.controllers.visual_servo import OBJECT_LENGTH, View, VisualServo
+from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.controllers.visual_servo import View, VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import transformed_velocity_derivative
+from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.vision.interaction import (
     interaction_matrix,
     interaction_matrix_derivative,
     interaction_matrix_rate,
 )
-from phcontrol.vision.pinhole_camera import PinholeCamera
 
 SINGULAR_LEVER = 0.05
 """The default region of damping is where a feature moves less than the image's length does with a lever of this [m]."""
@@ -70,38 +68,22 @@ class HamiltonianServo(VisualServo):
 
     name = "hamiltonian_servo"
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        goal: ArrayLike,
-        rate: ArrayLike,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        posture: ArrayLike | None = None,
-        posture_gain: float = 0.0,
-        singular_damping: float | None = None,
-        singular_region: float | None = None,
-        camera: PinholeCamera | None = None,
-        frame: str | None = None,
-        object_length: float = OBJECT_LENGTH,
-        lost: str = "error",
-        interconnection: str = "coriolis",
-    ) -> None:
-        super().__init__(
-            system,
-            goal=goal,
-            damping=damping,
-            posture=posture,
-            posture_gain=posture_gain,
-            camera=camera,
-            frame=frame,
-            object_length=object_length,
-            lost=lost,
-            interconnection=interconnection,
-        )
-        self.rate = matrix("rate", rate, 3)
-        self.stiffness = gain("stiffness", stiffness, 3)
+    rate: Parameter[ArrayLike, Array] = Parameter(
+        "Λ", "1/s", check=lambda name, value, system: matrix(name, value, 3), tuned=lambda tuning: 2.0
+    )
+    stiffness: Parameter[ArrayLike, Array] = Parameter(
+        "K", "N·m/m²", check=lambda name, value, system: gain(name, value, 3), tuned=lambda tuning: 100.0
+    )
+    singular_damping: Parameter[float | None, SingularDamping] = Parameter(
+        "λ₀", "m/rad", default=None, check=lambda name, value, system: value
+    )
+    singular_region: Parameter[float | None, float] = Parameter(
+        "ε", "m/rad", default=None, check=lambda name, value, system: value
+    )
+
+    def prepare(self) -> None:
+        """Compute Γ, which must make the storage function fall, and the damping of singularities."""
+        super().prepare()
         product = self.stiffness @ self.rate
         smallest = float(np.linalg.eigvalsh(product + product.T)[0])
         if smallest <= 0.0:
@@ -113,19 +95,15 @@ class HamiltonianServo(VisualServo):
         if np.allclose(self._convergence, self._convergence.T, rtol=1e-14, atol=0.0):
             values, vectors = np.linalg.eigh(self._convergence)
             self._convergence_root = (vectors * np.sqrt(values)) @ vectors.T
-        if singular_region is None:
-            singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
+        region, level = self.singular_region, self.singular_damping
+        if region is None:
+            region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
         self.singular_damping = SingularDamping(
-            DAMPING_SHARE * singular_region if singular_damping is None else singular_damping,
-            singular_region,
+            DAMPING_SHARE * region if level is None else level,
+            region,
             self._convergence / np.linalg.norm(self._convergence, 2),
         )
         self._servo_velocity = ServoVelocity(self.rate, self.singular_damping)
-
-    @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return Λ = 2/s, K = 100, C = 5/s, and k_n = 2/s for arms with more than three joints."""
-        return super().default_gains(system, goal) | {"rate": 2.0, "stiffness": 100.0}
 
     @property
     def lacks_minimum(self) -> str:
@@ -136,7 +114,7 @@ class HamiltonianServo(VisualServo):
 
     def servo_motion(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array]:
         """Return s, ṡ and the effort −Δ̄ᵀKτ̄."""
-        if self._canonical:
+        if self.interconnection == "canonical":
             s, s_rate, view = self._motion_by_gradients(x, features)
         else:
             s, s_rate, view = self._motion_along_flow(x, features)
@@ -241,25 +219,23 @@ class HamiltonianServo(VisualServo):
         result = (half * share) @ half.T
         return result
 
-    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return (p̂, τ̄); p̄ when no object is seen."""
-        momentum, features = self.adapted_momentum(x, measured), self.seen(measured)
-        return momentum if features is None else np.concatenate([momentum, features - self.goal])
-
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (p̂, τ̄); that of the braked arm on p̄ when no object is seen."""
-        upper, features = super().target(t, x, state, measured), self.seen(measured)
+        features = self.seen(measured)
         if features is None:
-            return upper
-        n = x.system.n
+            return super().target(t, x, state, measured)
         error, B = self.view(x, features)
-        last = self._last_block(B)
-        coupling = x.solve_factor(B.T)  # T⁻¹Δ̄ᵀ
-        zero = np.zeros((n, 3))
-        return Target(
-            coordinates=np.concatenate([upper.coordinates, error]),
-            interconnection=np.block([[upper.interconnection, -coupling], [coupling.T, -0.5 * (last - last.T)]]),
-            dissipation=np.block([[upper.dissipation, zero], [zero.T, 0.5 * (last + last.T)]]),
-            gradient=np.concatenate([upper.gradient, self.stiffness @ error]),
-            port=np.vstack([upper.port, zero.T]),
+        last, momentum = self._last_block(B), self.adapted_momentum(x, measured)
+        return Target.of(
+            {MOMENTUM: (momentum, momentum), "features": (error, self.stiffness @ error)},
+            lambda: {
+                (MOMENTUM, MOMENTUM): x.interconnection(self.interconnection),
+                ("features", MOMENTUM): x.solve_factor(B.T).T,  # Δ̄T⁻ᵀ
+                ("features", "features"): -0.5 * (last - last.T),
+            },
+            lambda: {
+                (MOMENTUM, MOMENTUM): x.transformed_damping + self.damping,
+                ("features", "features"): 0.5 * (last + last.T),
+            },
+            lambda: {MOMENTUM: x.inverse_factor},
         )

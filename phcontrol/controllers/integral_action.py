@@ -46,9 +46,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
     integral_compliance: Matrix = Matrix("Γ", "rad/(N·m·s)", default=None, tuned=lambda tuning: 1.0 / tuning.stiffness)
 
     @classmethod
-    def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float
-    ) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
         """Return the gains of force feedback, and K_i = 1/s; of a potential, Γ for the same of the joints' inertia."""
         other = "integral_gain" if "potential" in given else "integral_compliance"
         return super().default_gains(system, goal, given={*given, other}, **wish)
@@ -64,7 +62,9 @@ class IntegralAction(PositionLaw, DynamicExtension):
             self._compliance: Array = compliance
             return
         if self.stiffness is None:
-            raise InvalidArgumentError("integral_gain", "is of a joint spring: with a potential give integral_compliance")
+            raise InvalidArgumentError(
+                "integral_gain", "is of a joint spring: with a potential give integral_compliance"
+            )
         self._check("integral_gain", "K_iᵀK_p + K_pK_i", self.stiffness @ K_i)
         self._compliance = np.linalg.solve(self.stiffness, K_i.T).T
 

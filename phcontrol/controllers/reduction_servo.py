@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, finite_array, matrix
-from phcontrol.controllers.visual_servo import OBJECT_LENGTH, VisualServo
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import right_inverse
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
-from phcontrol.vision.pinhole_camera import PinholeCamera
 
 
 class ReductionServo(VisualServo):
@@ -48,60 +47,31 @@ class ReductionServo(VisualServo):
 
     name = "reduction_servo"
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        goal: ArrayLike,
-        feature_gain: ArrayLike | None = None,
-        rate: ArrayLike = 1.0,
-        damping: ArrayLike,
-        posture: ArrayLike | None = None,
-        posture_gain: float = 0.0,
-        camera: PinholeCamera | None = None,
-        frame: str | None = None,
-        object_length: float = OBJECT_LENGTH,
-        lost: str = "error",
-        interconnection: str = "coriolis",
-    ) -> None:
-        super().__init__(
-            system,
-            goal=goal,
-            damping=damping,
-            posture=posture,
-            posture_gain=posture_gain,
-            camera=camera,
-            frame=frame,
-            object_length=object_length,
-            lost=lost,
-            interconnection=interconnection,
-        )
-        at_goal = self.view(system.at(self.posture), self.goal).image_jacobian
+    feature_gain: Parameter[ArrayLike | None, Array] = Parameter(
+        "K_τ", "rad/s/m", default=None, check=lambda name, value, system: _feature_gain(value, system.n)
+    )
+    rate: Parameter[ArrayLike, Array] = Parameter(
+        "Λ", "1/s", default=1.0, check=lambda name, value, system: matrix(name, value, 3)
+    )
+
+    def prepare(self) -> None:
+        """Compute K_τ and the projector at the goal."""
+        super().prepare()
+        at_goal = self.view(self.system.at(self.posture), self.goal).image_jacobian
         values = np.linalg.svd(at_goal, compute_uv=False)
         if values[-1] < 1e-6 * values[0]:
             raise InvalidArgumentError(
                 "posture", f"the image Jacobian at the goal is singular there: name another one than {self.posture}"
             )
         inverse = right_inverse(at_goal)
-        self.feature_gain = (
-            inverse @ matrix("rate", rate, 3) if feature_gain is None else self._check_gain(feature_gain)
-        )
-        self._posture_matrix = self.posture_gain * (np.eye(system.n) - inverse @ at_goal)
-        self._image_jacobian_at_goal = at_goal
+        if self.feature_gain is None:
+            self.feature_gain = inverse @ self.rate
+        self._posture_matrix = self.posture_gain * (np.eye(self.system.n) - inverse @ at_goal)
 
     @property
     def lacks_minimum(self) -> str:
         """H_d = ½|p̂|² knows no features."""
         return "conditions: on p̂ = 0 the features converge where Δ̄K_τ is positive stable"
-
-    def _check_gain(self, value: ArrayLike) -> Array:
-        n = self.system.n
-        array = finite_array("feature_gain", value)
-        if array.shape == (n, 3):
-            return array
-        if n == 3:
-            return matrix("feature_gain", array, 3)
-        raise InvalidArgumentError("feature_gain", f"must have shape ({n}, 3), but has shape {array.shape}")
 
     def servo_motion(self, x: MechanicalState, features: Array) -> tuple[Array, Array, Array]:
         """Return s, ṡ = K_τΔ̄q̇ + N₀ k_n q̇, and no effort of its own."""
@@ -126,10 +96,15 @@ class ReductionServo(VisualServo):
         features = self.seen(measured)
         return {} if features is None else self._stability(self.view(x, features).image_jacobian)
 
-    def goal_conditions(self) -> dict[str, float]:
-        """Return the smallest real part of the eigenvalues of Δ̄K_τ at τ_d and the posture q_r [1/s]."""
-        return self._stability(self._image_jacobian_at_goal)
-
     def _stability(self, image_jacobian: Array) -> dict[str, float]:
         values = np.linalg.eigvals(image_jacobian @ self.feature_gain)
         return {"smallest real part of Δ̄K_τ [1/s]": float(values.real.min())}
+
+
+def _feature_gain(value: ArrayLike, n: int) -> Array:
+    array = finite_array("feature_gain", value)
+    if array.shape == (n, 3):
+        return array
+    if n == 3:
+        return matrix("feature_gain", array, 3)
+    raise InvalidArgumentError("feature_gain", f"must have shape ({n}, 3), but has shape {array.shape}")

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array, number, sequence
-from phcontrol.controllers.controller import Command, Controller, PassivePort, Shaping, Target
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
-from phcontrol.vision.scene import Scene
+from phcontrol.vision.scene import Eyes, Scene
 
 
 class Schedule(Controller):
@@ -47,7 +51,7 @@ class Schedule(Controller):
             raise InvalidArgumentError("steps", f"start times must increase from 0, but are {self.starts}")
         if any(law.system is not self.laws[0].system for law in self.laws):
             raise InvalidArgumentError("steps", "all laws must be made with the same system")
-        super().__init__(self.laws[0].system, self.laws[0].interconnection)
+        super().__init__(self.laws[0].system, interconnection=self.laws[0].interconnection)
         self._parts: dict[str, int] = {}
         for law in self.laws:
             self._parts |= law.state_parts
@@ -128,11 +132,12 @@ class Schedule(Controller):
 
     def rest_scene(self, x: MechanicalState) -> Scene | None:
         """Return that of the first law that has eyes."""
-        return next((law.rest_scene(x) for law in self.laws if "features" in law.needs), None)
+        return next((law.rest_scene(x) for law in self.laws if law.eyes is not None), None)
 
-    def random_scene(self, x: MechanicalState, generator: np.random.Generator, spread: float = 1.0) -> Scene | None:
-        """Draw something to see for the first law that has eyes."""
-        return next((law.random_scene(x, generator, spread) for law in self.laws if "features" in law.needs), None)
+    @property
+    def eyes(self) -> Eyes | None:
+        """Those of the first law that has any."""
+        return next((law.eyes for law in self.laws if law.eyes is not None), None)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return the active law's storage function [J]."""

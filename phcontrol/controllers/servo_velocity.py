@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
 from phcontrol._validation import Array
-from phcontrol.controllers.singular_damping import SingularDamping
-from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative
+from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative, right_inverse_motion
+from phcontrol.mechanics.singular_damping import SingularDamping
 
-_dgetrf, _dgetrs = lapack.dgetrf, lapack.dgetrs
 _FADED = 1e-10
 """Where 1 − λ²/λ₀² is below this, the posture term is left out: N is no longer defined at the singular set."""
 
@@ -49,28 +47,23 @@ class ServoVelocity:
         damped = self.damping.at(square)
         if pull is None or pull_rate is None:
             if damped is not None:
-                square, square_rate = self._regularised(square, square_rate, damped)
-            return _right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
+                square, square_rate = self.damping.regularised(square, square_rate, damped)
+            return right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
         along, along_rate = B.dot(pull), B_rate.dot(pull) + B.dot(pull_rate)
         if damped is None:
             # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
-            s, s_rate = _right_inverse_motion(B, B_rate, square, square_rate, wish - along, wish_rate - along_rate)
+            s, s_rate = right_inverse_motion(B, B_rate, square, square_rate, wish - along, wish_rate - along_rate)
             return s + pull, s_rate + pull_rate
-        s, s_rate = _right_inverse_motion(B, B_rate, *self._regularised(square, square_rate, damped), wish, wish_rate)
+        regularised = self.damping.regularised(square, square_rate, damped)
+        s, s_rate = right_inverse_motion(B, B_rate, *regularised, wish, wish_rate)
         level, slope = damped
         fade, fade_rate = self._fade(level), -float(np.vdot(slope, square_rate)) / self.damping.level**2
         if fade > _FADED:
-            seen, seen_rate = _right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
+            seen, seen_rate = right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
             free, free_rate = pull - seen, pull_rate - seen_rate
             s += fade * free
             s_rate += fade * free_rate + fade_rate * free
         return s, s_rate
-
-    def _regularised(self, square: Array, square_rate: Array, damped: tuple[float, Array]) -> tuple[Array, Array]:
-        """Return BBᵀ + λ²W and its rate."""
-        level, slope = damped
-        weight = self.damping.weight
-        return square + level * weight, square_rate + float(np.vdot(slope, square_rate)) * weight
 
     def _fade(self, level: float) -> float:
         """Return ψ = 1 − λ²/λ₀²."""
@@ -104,16 +97,3 @@ class ServoVelocity:
             s = s + fade * free
             ds = ds + fade * d_free - d_level[:, None] / self.damping.level**2 * free
         return s, ds
-
-
-def _right_inverse_motion(
-    B: Array, B_rate: Array, square: Array, square_rate: Array, wish: Array, wish_rate: Array
-) -> tuple[Array, Array]:
-    """Return s = Bᵀ A⁻¹w and its rate, with A = ``square`` (BBᵀ, damped or not); NaN where A is singular."""
-    lu, pivots, info = _dgetrf(square)
-    if info:
-        nothing = np.full(B.shape[1], np.nan)  # the torque is then refused as not finite
-        return nothing, nothing
-    y = _dgetrs(lu, pivots, wish)[0]
-    y_rate = _dgetrs(lu, pivots, wish_rate - square_rate.dot(y))[0]
-    return y.dot(B), y.dot(B_rate) + y_rate.dot(B)

@@ -55,7 +55,9 @@ class ShapedLaw(Controller):
                 "reference", f"is a path of '{self._path.frame}': the potential must have a spring on that frame"
             )
         if self._trajectory is not None and "joints" not in self.potential.follows:
-            raise InvalidArgumentError("reference", "is a trajectory of the joints: the potential must be one of theirs")
+            raise InvalidArgumentError(
+                "reference", "is a trajectory of the joints: the potential must be one of theirs"
+            )
 
     def aim(self, t: float, x: MechanicalState, potential: Potential | None = None) -> Aim:
         """Return what potential (Ψ, or another) and reference make of a state at time t [s]."""

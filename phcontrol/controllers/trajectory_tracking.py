@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, number
-from phcontrol.controllers.aim import Aim
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.parameters import Flag, NonNegative, Parameter
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.controllers.tuning import Tuning
 from phcontrol.mechanics.robot import Robot
@@ -23,7 +21,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.trajectories.minimum_jerk import MinimumJerk, usual_speed
 from phcontrol.trajectories.sinusoid import Sinusoid
-from phcontrol.trajectories.trajectory import Reference, Trajectory, check_trajectory
+from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
 
 def _usual_trajectory(tuning: Tuning) -> Trajectory:
@@ -76,9 +74,7 @@ class TrajectoryTracking(EnergyShaping):
     hold: NonNegative = NonNegative("h", "s", default=0.0)
 
     @classmethod
-    def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float
-    ) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
         """Return gains that suit a robot, and a trajectory from home to the goal."""
         return super().default_gains(system, goal, given={*given, "goal"}, **wish)
 

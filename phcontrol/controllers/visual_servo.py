@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, choice, gain, number, positive, vector
-from phcontrol.controllers.controller import Controller, PassivePort, Shaping, Target
+from phcontrol._validation import Array, choice, vector
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.parameters import Gain, NonNegative, Parameter, Positive
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
 from phcontrol.exceptions import InvalidArgumentError, ObjectLostError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -25,6 +30,12 @@ FEATURE_GOAL = (0.0, 0.0, 0.002)
 """τ_d by default [m]: in the middle of the image, 2 mm long (thesis section 5.4)."""
 OBJECT_LENGTH = 0.038
 """L by default [m] (thesis section 5.4)."""
+
+
+def _camera(name: str, value: object, system: MechanicalSystem) -> PinholeCamera:
+    if not isinstance(value, PinholeCamera):
+        raise InvalidArgumentError(name, f"must be a PinholeCamera, but is {type(value).__name__}")
+    return value
 
 
 class View(NamedTuple):
@@ -49,33 +60,32 @@ class VisualServo(Controller):
     A law that takes over again starts with a jump of torque; stability of the switched loop is not claimed.
     """
 
-    def __init__(
-        self,
-        system: MechanicalSystem,
-        *,
-        goal: ArrayLike,
-        damping: ArrayLike,
-        posture: ArrayLike | None,
-        posture_gain: float,
-        camera: PinholeCamera | None,
-        frame: str | None,
-        object_length: float,
-        lost: str,
-        interconnection: str,
-    ) -> None:
-        super().__init__(system, interconnection)
+    goal: Parameter[ArrayLike, Array] = Parameter(
+        "τ_d", "m", check=lambda name, value, system: _features(value), tuned=lambda tuning: tuning.goal
+    )
+    damping: Gain = Gain("C", "1/s", tuned=lambda tuning: 5.0)
+    posture: Parameter[ArrayLike | None, Array] = Parameter(
+        "q_r", "rad", default=None, check=lambda name, value, system: vector(name, value, system.n)
+    )
+    posture_gain: NonNegative = NonNegative(
+        "k_n", "1/s", default=0.0, tuned=lambda tuning: 2.0 if tuning.system.n > 3 else 0.0
+    )
+    camera: Parameter[PinholeCamera | None, PinholeCamera] = Parameter(default=None, check=_camera)
+    frame: Parameter[str | None, str] = Parameter(default=None, check=lambda name, value, system: value)
+    object_length: Positive = Positive("L", "m", default=OBJECT_LENGTH)
+    lost: Parameter[str, str] = Parameter(default=LOST[0], check=lambda name, value, system: choice(name, value, LOST))
+
+    def prepare(self) -> None:
+        """Mount the camera, and see whether the posture can be held."""
+        system = self.system
         if system.n < 3:
             raise InvalidArgumentError(
                 "system", f"has {system.n} joints, but three features need an arm of at least three ({self.name})"
             )
-        self.goal = self.check_goal(system, goal)
-        self.damping = gain("damping", damping, system.n)
-        self.posture = vector("posture", system.robot.home if posture is None else posture, system.n)
-        self.posture_gain = number("posture_gain", posture_gain, minimum=0.0)
-        self.camera = (PinholeCamera() if camera is None else camera).mounted_on(system.robot, frame)
+        if self.posture is None:
+            self.posture = system.robot.home
+        self.camera = (PinholeCamera() if self.camera is None else self.camera).mounted_on(system.robot, self.frame)
         self.frame = str(self.camera.frame)
-        self.object_length = positive("object_length", object_length)
-        self.lost = choice("lost", lost, LOST)
         self._focal_length = self.camera.focal_length
         self._holds_posture = self.posture_gain > 0.0 and system.n > 3
         even = np.allclose(self.damping, self.damping[0, 0] * np.eye(system.n), rtol=1e-14, atol=0.0)
@@ -84,10 +94,18 @@ class VisualServo(Controller):
     @classmethod
     def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Array:
         """Return τ_d = (μ, ν, l) [m], by default in the middle of the image and 2 mm long."""
-        features = vector("goal", FEATURE_GOAL if goal is None else goal, 3)
-        if features[2] <= 0.0:
-            raise InvalidArgumentError("goal", f"must have a length > 0 in the image, but has {features[2]:g} m")
-        return features
+        return _features(FEATURE_GOAL if goal is None else goal)
+
+    @classmethod
+    def tuning(
+        cls,
+        system: MechanicalSystem,
+        goal: Array,
+        bandwidth: float = BANDWIDTH,
+        damping_ratio: float = DAMPING_RATIO,
+    ) -> Tuning:
+        """Return what the default gains are made from; they do not depend on the posture."""
+        return Tuning(system, goal, system.robot.home, bandwidth, damping_ratio)
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -157,22 +175,22 @@ class VisualServo(Controller):
         motion = x.velocity if features is None else x.velocity + self.servo_velocity(x, features)
         return PassivePort.of(x, motion, x.factor.dot(self.damping.dot(motion.dot(x.factor))), motion)
 
-    def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
-        """Return p̂, to which a law may add."""
-        return self.adapted_momentum(x, measured)
-
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return p̂̇ = (J̄₂ − D̄ − C)p̂ + T⁻¹f_e, to which a law may add."""
         momentum = self.adapted_momentum(x, measured)
-        return Target(
-            coordinates=momentum,
-            interconnection=x.interconnection(self.interconnection),
-            dissipation=x.transformed_damping + self.damping,
-            gradient=momentum,
-            port=x.solve_factor(np.eye(x.system.n)),
+        return Target.of(
+            {MOMENTUM: (momentum, momentum)},
+            lambda: {(MOMENTUM, MOMENTUM): x.interconnection(self.interconnection)},
+            lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + self.damping},
+            lambda: {MOMENTUM: x.inverse_factor},
         )
 
     # --- what checks look at ----------------------------------------------------------------------------
+
+    @property
+    def eyes(self) -> VisualServo:
+        """The law itself."""
+        return self
 
     def rest_posture(self, t: float) -> Array:
         """Return q_r, where Δ̄(goal) is taken."""
@@ -203,9 +221,23 @@ class VisualServo(Controller):
         size = (self.object_length, 0.2 * self.object_length, 0.2 * self.object_length)
         return ObservedObject(self.camera, x.placement(self.frame).act(point), size)
 
-    # --- defaults -------------------------------------------------------------------------------------
+    def measured_along(self, x: MechanicalState, measured: Measured, step: float) -> Measured:
+        """Return the features of the same object, seen ``step`` seconds on."""
+        features = self.seen(measured)
+        if features is None:
+            return measured
+        there = x.system.at(x.position + step * x.velocity)
+        point = x.placement(self.frame).act(back_project(features, self._focal_length, self.object_length))
+        return measured._replace(features=self._projected(there.placement(self.frame).actInv(point)))
 
-    @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array) -> dict[str, Any]:
-        """Return the goal, the damping, and a posture gain for arms with more joints than features."""
-        return {"goal": goal, "damping": 5.0, "posture_gain": 2.0 if system.n > 3 else 0.0}
+    def _projected(self, point: Array) -> Array:
+        """Return (μ, ν, l) of a point in the camera's frame [m]."""
+        scale = self._focal_length / point[2]
+        return np.array([scale * point[0], scale * point[1], scale * self.object_length])
+
+
+def _features(value: ArrayLike) -> Array:
+    features = vector("goal", value, 3)
+    if features[2] <= 0.0:
+        raise InvalidArgumentError("goal", f"must have a length > 0 in the image, but has {features[2]:g} m")
+    return features

@@ -9,7 +9,6 @@ from scipy.linalg import sqrtm
 
 from phcontrol._validation import Array
 from phcontrol.controllers.force_control import ForceControl
-from phcontrol.controllers.task_potentials import Holding
 from phcontrol.environments.contact_geometry import SphereContact
 from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.experiments.claims import Claim
@@ -18,6 +17,7 @@ from phcontrol.experiments.study import Outcome
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.holding import Holding
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log

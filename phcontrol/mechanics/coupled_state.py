@@ -78,6 +78,15 @@ class CoupledMechanicalState(MechanicalState):
     def _model_position(self) -> Array:
         return self._joints
 
+    @property
+    def _model_velocity(self) -> Array:
+        velocity: Array = self._map.dot(self.velocity)
+        return velocity
+
+    def _independent(self, jacobian: Array) -> Array:
+        result: Array = jacobian @ self._map
+        return result
+
     def frame_jacobian(self, frame: str, reference: str) -> Array:
         """Return 𝒥 = 𝒥_model E, shape (6, n)."""
         system, index = self.system, self.system.frame_id(frame)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -75,6 +75,13 @@ class GripperSpring:
         gradient: Array = self.stiffness(position) * (position - self.rest_angle)
         return gradient
 
+    def tangent_stiffness(self, position: Array) -> Array:
+        """Return the diagonal of ∂²V/∂q², ½(k₁ + k₂) − ½(k₁ − k₂)(2s − s³) with s = x/r, shape (n,) [N·m/rad]."""
+        offset = position - self.rest_angle
+        slope = offset / np.sqrt(self.smoothing + offset * offset)
+        stiffness: Array = self._mean - self._half_difference * slope * (2.0 - slope * slope)
+        return stiffness
+
 
 class OnJoint:
     """A potential of one joint, as a potential of the whole arm.
@@ -96,3 +103,10 @@ class OnJoint:
         gradient = np.zeros_like(position)
         gradient[self.index] = self.potential.gradient(position[self.index : self.index + 1])[0]
         return gradient
+
+    def tangent_stiffness(self, position: Array) -> Array:
+        """Return the diagonal of ∂²V/∂q², shape (n,) [N·m/rad], of a potential that has one (``GripperSpring``)."""
+        stiffness = np.zeros_like(position)
+        own: Any = self.potential
+        stiffness[self.index] = own.tangent_stiffness(position[self.index : self.index + 1])[0]
+        return stiffness

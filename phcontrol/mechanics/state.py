@@ -11,6 +11,7 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import derivatives, kernels
+from phcontrol.mechanics.pose import FrameKinematics
 from phcontrol.mechanics.robot import REFERENCES, wrapped
 
 if TYPE_CHECKING:
@@ -337,6 +338,50 @@ class MechanicalState:
     @property
     def _model_position(self) -> Array:
         return self.position
+
+    def frame_kinematics(self, frame: str) -> FrameKinematics:
+        """Return the pose of a frame and its Jacobian "local_world_aligned", computed on first use and once a frame."""
+        found = self._frame_kinematics.get(frame)
+        if found is None:
+            system, index = self.system, self.system.frame_id(frame)
+            pin.computeJointJacobians(system.model, system.data, self._model_position)
+            found = self._frame_kinematics[frame] = self._kinematics_in_data(index)
+        return found
+
+    def frame_kinematics_rate(self, frame: str) -> Array:
+        """Return 𝒥̇ along q̇ of ``frame_kinematics``, shape (6, n), computed once a frame; one pass gives both."""
+        rate = self._frame_rates.get(frame)
+        if rate is None:
+            system, index = self.system, self.system.frame_id(frame)
+            model, data = system.model, system.data
+            pin.computeJointJacobiansTimeVariation(model, data, self._model_position, self._model_velocity)
+            self._frame_kinematics[frame] = self._kinematics_in_data(index)
+            full = pin.getFrameJacobianTimeVariation(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+            rate = self._frame_rates[frame] = self._independent(full)
+        return rate
+
+    @lazy
+    def _frame_kinematics(self) -> dict[str, FrameKinematics]:
+        return {}
+
+    @lazy
+    def _frame_rates(self) -> dict[str, Array]:
+        return {}
+
+    def _kinematics_in_data(self, index: int) -> FrameKinematics:
+        """Return the kinematics of a frame from the joints' that were last computed in the system's workspace."""
+        model, data = self.system.model, self.system.data
+        pose = pin.updateFramePlacement(model, data, index)  # a view: copied here
+        jacobian = pin.getFrameJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        return FrameKinematics(np.array(pose.translation), np.array(pose.rotation), self._independent(jacobian))
+
+    @property
+    def _model_velocity(self) -> Array:
+        return self.velocity
+
+    def _independent(self, jacobian: Array) -> Array:
+        """Return a Jacobian of all joints of the model as one of the independent joints."""
+        return jacobian
 
     def frame_jacobian(self, frame: str, reference: str) -> Array:
         """Return 𝒥(q), shape (6, n): the twist (linear, angular) of a frame is 𝒥 q̇.

@@ -212,13 +212,12 @@ def _sight(loop: ClosedLoop) -> dict[str, Any] | None:
     camera = getattr(loop.scene, "camera", None)
     if camera is None:
         return None
-    laws = (loop.controller, *getattr(loop.controller, "laws", ()))
-    goals = [law.goal.tolist() for law in laws if "features" in law.needs and hasattr(law, "goal")]
+    eyes = loop.controller.eyes
     seen = getattr(loop.scene, "record", None)
     return {
         "camera": camera.mounted_on(loop.plant.robot).record(),
         "object": None if seen is None else seen(),
-        "goal": goals[0] if goals else None,
+        "goal": None if eyes is None else eyes.goal.tolist(),
     }
 
 

@@ -11,7 +11,6 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.signal_border import SignalBorder
-from phcontrol.vision.pinhole_camera import PinholeCamera
 
 _LARGEST_FORCE = 5.0  # that is believed at all, relative to the effort limits
 
@@ -79,6 +78,4 @@ class MeasuredBorders:
 
 def _image_scale(controller: Controller) -> float:
     """Return the focal length of the camera that a law, or one of its laws, steers by [m]; infinite without one."""
-    cameras = [getattr(law, "camera", None) for law in (controller, *getattr(controller, "laws", ()))]
-    lengths = [camera.focal_length for camera in cameras if isinstance(camera, PinholeCamera)]
-    return float(max(lengths, default=np.inf))
+    return np.inf if controller.eyes is None else controller.eyes.camera.focal_length

@@ -14,6 +14,7 @@ from scipy.linalg import null_space
 from phcontrol._validation import Array, count, finite_array, positive, vector
 from phcontrol.exceptions import InvalidArgumentError, PHControlError, UnreachableTargetError
 from phcontrol.mechanics.robot import Robot
+from phcontrol.trajectories.pose import Pose, pose
 from phcontrol.trajectories.splines import QuinticSpline
 
 _ITERATIONS = 150
@@ -36,7 +37,7 @@ class Posture:
 def reach(
     robot: Robot,
     frame: str,
-    target: pin.SE3 | ArrayLike,
+    target: Pose,
     *,
     start: ArrayLike | None = None,
     tolerance: float = 1e-6,
@@ -52,8 +53,8 @@ def reach(
     Args:
         robot: the arm.
         frame: name of a link or frame of it.
-        target: where the frame should be in the world: a pose (pin.SE3 or a 4 × 4 matrix), or a point of three
-            coordinates [m], which leaves the orientation free.
+        target: where the frame should be in the world: a pose (pin.SE3, a 4 × 4 matrix, or a point and a rotation
+            matrix), or a point of three coordinates [m], which leaves the orientation free.
         start: joint positions to start from, and to stay near to [rad]; by default the robot's home.
         tolerance: largest distance [m] and angle [rad] that counts as reached.
         restarts: how many random postures to start from, after ``start``.
@@ -78,7 +79,7 @@ def reach(
 def follow(
     robot: Robot,
     frame: str,
-    targets: Sequence[pin.SE3 | ArrayLike],
+    targets: Sequence[Pose],
     times: ArrayLike,
     *,
     start: ArrayLike | None = None,
@@ -116,19 +117,10 @@ def follow(
     return QuinticSpline(instants, positions)
 
 
-def _pose(target: pin.SE3 | ArrayLike) -> tuple[pin.SE3, bool]:
+def _pose(target: Pose) -> tuple[pin.SE3, bool]:
     """Return a pose, and whether its orientation is wished for."""
-    if isinstance(target, pin.SE3):
-        return target.copy(), True
-    array = finite_array("target", target)
-    if array.shape == (3,):
-        return pin.SE3(np.eye(3), np.array(array)), False
-    rotation = array[:3, :3] if array.shape == (4, 4) else None
-    if rotation is None or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0.0:
-        raise InvalidArgumentError(
-            "target", f"must be a point (3,), a pin.SE3 or a 4 × 4 matrix with a rotation, but has shape {array.shape}"
-        )
-    return pin.SE3(np.array(rotation), np.array(array[:3, 3])), True
+    position, turn = pose("target", target)
+    return pin.SE3(np.eye(3) if turn is None else np.array(turn), np.array(position)), turn is not None
 
 
 class _Solver:

@@ -48,6 +48,11 @@ class PiecewisePolynomial:
         """When the motion has ended, or one period of it [s]."""
         return self.end - self.start if self.periodic else max(0.0, self.end)
 
+    @property
+    def pieces(self) -> int:
+        """How many polynomials there are."""
+        return len(self._tables)
+
     def at(self, t: float) -> Reference:
         """Return position, velocity and acceleration at time t [s]."""
         if self.periodic:

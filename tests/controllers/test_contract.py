@@ -21,7 +21,7 @@ from phcontrol import (
     make_controller,
 )
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
-from phcontrol.controllers.singular_damping import SingularDamping
+from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.sensors.measured import Measured, measure_truly
 from tests.conftest import make_system
 from tests.finite_differences import derivative

@@ -25,8 +25,8 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.controllers.singular_damping import SingularDamping
 from phcontrol.mechanics.derivatives import right_inverse
+from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.vision.interaction import back_project
 from tests.conftest import make_system

@@ -1,0 +1,69 @@
+"""How much the right inverse of a Jacobian is damped near its singular set."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import lapack
+
+from phcontrol._validation import Array, number, positive
+
+_dpotrf, _dpotri, _dsyev = lapack.dpotrf, lapack.dpotri, lapack.dsyev
+
+
+class SingularDamping:
+    """Q = λ²W in Bᵀ(BBᵀ + Q)⁻¹, with λ² = λ₀²(1 − (σ/ε)²)² for σ < ε, else 0.
+
+    σ is the smallest singular value of W^(−½)B. λ² is continuously differentiable at σ = ε. B is the image Jacobian Δ̄
+    of a servo law, or the Jacobian 𝒥 of a frame.
+
+    Args:
+        level: λ₀, in the unit of W^(−½)B (of an image Jacobian [m/rad]); 0 for no damping.
+        region: ε, likewise; should stay below σ at the goal, for else the goal is approached more slowly.
+        weight: W, shape (m, m), its symmetric part positive definite.
+    """
+
+    def __init__(self, level: float, region: float, weight: Array) -> None:
+        self.level = number("singular_damping", level, minimum=0.0)
+        self.region = positive("singular_region", region)
+        self.weight = weight
+        symmetric = 0.5 * (weight + weight.T)
+        values, vectors = np.linalg.eigh(symmetric)
+        self._root: Array = (vectors / np.sqrt(values)) @ vectors.T  # W^(−½)
+        self._near = 0.25 * self.region**2 * float(values.max())
+        self._lower_weight = 2.0 * np.tril(symmetric, -1) + np.diag(np.diag(symmetric))
+
+    def at(self, square: Array) -> tuple[float, Array] | None:
+        """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
+        if not self.level or self._surely_far(square):
+            return None
+        values, vectors, _ = _dsyev(self._root @ square @ self._root)
+        depth = 1.0 - max(float(values[0]), 0.0) / self.region**2
+        if depth <= 0.0:
+            return None
+        direction = self._root.dot(vectors[:, 0])
+        slope: Array = (-2.0 * self.level**2 * depth / self.region**2) * np.multiply.outer(direction, direction)
+        return self.level**2 * depth**2, slope
+
+    def distance(self, square: Array) -> float:
+        """Return σ at BBᵀ."""
+        values = _dsyev(self._root @ square @ self._root, compute_v=0)[0]
+        return math.sqrt(max(float(values[0]), 0.0))
+
+    def regularised(self, square: Array, square_rate: Array, damped: tuple[float, Array]) -> tuple[Array, Array]:
+        """Return BBᵀ + λ²W and its rate, for what ``at`` returned."""
+        level, slope = damped
+        return square + level * self.weight, square_rate + float(np.vdot(slope, square_rate)) * self.weight
+
+    def _surely_far(self, square: Array) -> bool:
+        """Whether a bound that needs no eigenvalues says that σ > ε: mostly it is enough."""
+        if len(square) == 3:  # the smallest eigenvalue of a positive definite matrix is at least 4 det / trace²
+            (a, b, c), (_, d, e), (_, _, f) = square.tolist()
+            determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+            return bool(determinant > self._near * (a + d + f) ** 2)
+        factor, info = _dpotrf(square.T, 1, 1)
+        if info:
+            return False
+        inverse = _dpotri(factor, 1)[0]  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
+        return float(np.vdot(self._lower_weight, inverse)) * self.region**2 < 1.0

@@ -1,0 +1,87 @@
+"""A frame round and round a figure of eight, its axes turning to and fro."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, number, positive
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.trajectories.curved_path import CurvedPath
+from phcontrol.trajectories.pose import Pose, direction, pose
+
+
+class FigureOfEight(CurvedPath):
+    """Lead a frame along a figure of eight for ever, with its axes turned to and fro about a fixed axis.
+
+        r_d = r₀ + ½w sin θ e₁ + ½h sin 2θ e₂,   R_d = exp(β sin θ u×)R₀,   θ = 2πt/period
+
+    It sets out from rest in the centre: until ``ramp`` θ̇ grows to its value, by the minimum-jerk step, which costs half
+    the ramp's time. Before 0 it stands. Without ramp it is periodic, in the past too.
+
+    Args:
+        frame: name of the link or frame that moves.
+        center: pose (r₀, R₀), as for :class:`FrameLine`; a point leaves the orientation free.
+        width: w, along e₁ [m].
+        height: h, along e₂ [m].
+        period: of one figure [s].
+        turn: β [rad].
+        along: direction of e₁ in the world.
+        across: of e₂; only its part orthogonal to e₁ counts.
+        axis: of u; by default of e₁ × e₂.
+        ramp: how long it takes to reach its speed [s]; by default a quarter of the period.
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        center: Pose,
+        width: float,
+        height: float,
+        period: float,
+        *,
+        turn: float = 0.0,
+        along: ArrayLike = (0.0, 1.0, 0.0),
+        across: ArrayLike = (0.0, 0.0, 1.0),
+        axis: ArrayLike | None = None,
+        ramp: float | None = None,
+    ) -> None:
+        middle, still = pose("center", center)
+        first = direction("along", along)
+        second = direction("across", across)
+        second = second - first * first.dot(second)
+        if np.linalg.norm(second) < 1e-6:
+            raise InvalidArgumentError("across", "must not be parallel to along")
+        second = direction("across", second)
+        angle = number("turn", turn)
+        if still is None and (angle or axis is not None):
+            raise InvalidArgumentError("turn", "needs a pose: a center that is a point leaves the orientation free")
+        pivot = np.cross(first, second) if axis is None else direction("axis", axis)
+        rate, start = 2.0 * math.pi / positive("period", period), 0.25 * period
+        start = start if ramp is None else number("ramp", ramp, minimum=0.0)
+        wide = np.append(0.5 * number("width", width) * first, angle)
+        high = np.append(0.5 * number("height", height) * second, 0.0)
+        base = np.append(middle, 0.0)
+
+        def eight(s: float) -> tuple[Array, Array, Array]:
+            one, one_slope = math.sin(s) * wide, math.cos(s) * wide
+            two, two_slope = math.sin(2.0 * s) * high, math.cos(2.0 * s) * high
+            return base + one + two, one_slope + 2.0 * two_slope, -one - 4.0 * two
+
+        def timing(t: float) -> tuple[float, float, float]:
+            if t >= start:
+                return rate * (t - 0.5 * start), rate, 0.0
+            if t <= 0.0:
+                return (rate * t, rate, 0.0) if start == 0.0 else (0.0, 0.0, 0.0)
+            x = t / start
+            grown = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+            return (
+                rate * start * x**4 * (2.5 - 3.0 * x + x**2),
+                rate * grown,
+                rate / start * 30.0 * x**2 * (1.0 - x) ** 2,
+            )
+
+        turned = None if still is None else (still, pivot)
+        super().__init__(frame, eight, timing, period + 0.5 * start, turned)

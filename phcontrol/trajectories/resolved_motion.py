@@ -1,0 +1,81 @@
+"""The joint motion along which a frame follows its path."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from phcontrol._validation import Array, positive
+from phcontrol.mechanics.derivatives import right_inverse_motion
+from phcontrol.mechanics.singular_damping import SingularDamping
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.trajectories.frame_path import FrameReference
+
+SINGULAR_REGION = 0.02
+"""ε, from which on the inverse is damped [m/rad]."""
+DAMPING_SHARE = 0.6
+"""λ₀ over ε, by default."""
+LENGTH = 0.3
+"""How many metres 1 rad counts as where both are compared [m/rad]."""
+
+
+class ResolvedMotion(NamedTuple):
+    """A reference of the joints that moves a frame as its path asks."""
+
+    velocity: Array
+    """q̇_ref = 𝒥#ξ_d, shape (n,) [rad/s]."""
+    acceleration: Array
+    """q̈_ref = 𝒥#ξ̇_d + (d𝒥#/dt)ξ_d along the true q̇, shape (n,) [rad/s²]."""
+    missed: Array
+    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out, zero where there is none."""
+
+
+def resolved_motion(
+    x: MechanicalState,
+    frame: str,
+    reference: FrameReference,
+    *,
+    singular_damping: float = DAMPING_SHARE * SINGULAR_REGION,
+    singular_region: float = SINGULAR_REGION,
+    length: float = LENGTH,
+) -> ResolvedMotion:
+    """Return the least joint velocity that moves a frame as a reference asks, and its derivative along the motion.
+
+        𝒥# = 𝒥ᵀ(𝒥𝒥ᵀ)⁻¹,   d𝒥#/dt = −𝒥#𝒥̇𝒥# + (1 − 𝒥#𝒥)𝒥̇ᵀ(𝒥𝒥ᵀ)⁻¹,
+
+    𝒥 with the frame's origin and the axes of the world ("local_world_aligned"), along the true q̇ of ``x``. Near
+    singularities it is damped: 𝒥# = 𝒥ᵀ(𝒥𝒥ᵀ + λ²W)⁻¹, W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²), with λ² = λ₀²(1 − (σ/ε)²)²
+    for σ < ε, σ the smallest singular value of 𝒥 with its angular rows times ℓ; λ's rate is in the acceleration.
+    Where the orientation is left free only the linear rows count.
+
+    Args:
+        x: the arm at (q, q̇).
+        frame: name of a link or frame of it.
+        reference: what the path asks for; its pose is not used.
+        singular_damping: λ₀ [m/rad]; 0 for none: then all is NaN, or huge, at a singularity.
+        singular_region: ε [m/rad].
+        length: ℓ, how many metres 1 rad counts as [m/rad].
+    """
+    jacobian, rate = x.frame_jacobian_and_rate(frame, "local_world_aligned")
+    twist = reference.twist
+    rows = len(twist)
+    if rows < len(jacobian):
+        jacobian, rate = jacobian[:rows], rate[:rows]
+    square, half = jacobian.dot(jacobian.T), rate.dot(jacobian.T)
+    square_rate = half + half.T
+    damping = frame_damping(rows, singular_damping, singular_region, length)
+    damped = damping.at(square)
+    if damped is not None:
+        square, square_rate = damping.regularised(square, square_rate, damped)
+    velocity, acceleration = right_inverse_motion(jacobian, rate, square, square_rate, twist, reference.acceleration)
+    missed = np.zeros(rows) if damped is None else twist - jacobian.dot(velocity)
+    return ResolvedMotion(velocity, acceleration, missed)
+
+
+@lru_cache
+def frame_damping(rows: int, level: float, region: float, length: float) -> SingularDamping:
+    """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
+    angular = positive("length", length) ** -2
+    return SingularDamping(level, region, np.diag([1.0] * 3 + [angular] * (rows - 3)))
