@@ -11,7 +11,8 @@ from scipy.optimize import root
 
 from phcontrol._validation import Array, vector
 from phcontrol.analysis.certify import require_certificate
-from phcontrol.controllers.controller import Controller, Target
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.target import Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem

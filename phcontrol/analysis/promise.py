@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import Target
+from phcontrol.controllers.target import Target
 from phcontrol.exceptions import InvalidArgumentError
 
 

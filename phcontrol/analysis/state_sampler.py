@@ -111,9 +111,8 @@ class StateSampler:
         tool = self._plant.robot.tool_frame or self._plant.robot.frame_names[-1]
         if kinds[4] > 0.85:
             force = self._on_tool(tool, position, force)
-        scene = self._law.eyes and self._law.eyes.random_scene(
-            view, generator, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0)
-        )
+        spread, eyes = 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0), self._law.eyes
+        scene = None if eyes is None else eyes.random_scene(view, generator, spread)
         stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
         return SampledState(time, position, velocity, state, force, scene, stratum)
 

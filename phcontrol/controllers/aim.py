@@ -7,7 +7,7 @@ import numpy as np
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.potential import Goal, Potential
 
 
 class Aim:
@@ -28,7 +28,7 @@ class Aim:
         self,
         x: MechanicalState,
         potential: Potential,
-        goal: object = None,
+        goal: Goal | None = None,
         reference_velocity: Array | None = None,
         reference_acceleration: Array | None = None,
     ) -> None:
@@ -79,6 +79,13 @@ class Aim:
         inverse: Array = self.x.inverse_factor.T
         matrix = self.potential.coordinate_map(self.x, self.goal)
         return inverse if matrix is None else matrix @ inverse
+
+    def momentum_shift_rate(self) -> Array | None:
+        """Return −d/dt(Tᵀq̇_ref), shape (n,); None for a goal at rest."""
+        if self.reference_velocity is None or self.reference_acceleration is None:
+            return None
+        rate: Array = self.reference_velocity.dot(self.x.factor_rate) + self.reference_acceleration.dot(self.x.factor)
+        return -rate
 
     def shift(self, s: Array | None = None, s_rate: Array | None = None) -> tuple[Array | None, Array | None]:
         """Return the s and ṡ of ``Shaping``: those of a law on the error state, less q̇_ref and q̈_ref."""

@@ -11,6 +11,7 @@ from phcontrol.controllers.shaping import EMPTY, Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.sensors.measured import NOTHING, Measured
 
 _feedback = kernels.feedback
@@ -47,7 +48,8 @@ class EnergyShaping(PositionLaw):
         super().prepare()
         G = self.system.input_matrix
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
-        self._tracks = self._trajectory is not None and self.interconnection == "coriolis"
+        self._tracked = self._trajectory if self.interconnection == "coriolis" else None
+        self._spring_stiffness = self.potential.stiffness if isinstance(self.potential, JointSpring) else None
 
     def cancelled(self, measured: Measured) -> Array | None:
         """Return the part of f_e that the law cancels [N·m]; None for nothing."""
@@ -74,13 +76,13 @@ class EnergyShaping(PositionLaw):
 
     def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
         """Return the torque; along a trajectory in the coriolis form neither M nor C is formed."""
-        if not self._tracks:
+        if self._tracked is None or self._spring_stiffness is None:
             return super().evaluate(t, x, state, measured)
-        desired = self.reference.at(t)
+        desired = self._tracked.at(t)
         velocity = desired.velocity
         force = _feedback(
             x.feedforward(velocity, desired.acceleration),
-            self.potential.stiffness,
+            self._spring_stiffness,
             x.position_error(desired.position),
             self._joint_damping,
             x.velocity,

@@ -93,9 +93,12 @@ class ForceControl(DynamicExtension):
             self.desired: JointForce | PointForce = JointForce(vector("force", self.force, self.system.n))
         else:
             self.desired = PointForce(self.frame, self.force)
-        self._held: Potential = Sum(*self.holding)
-        self.potential = self.desired + self._held if self.feedforward else self._held
+        self._held = Sum(*self.holding)
         super().prepare()
+
+    def shaped(self) -> Potential:
+        """Return f_dᵀq, or Fᵀr(q), plus U; U alone without feedforward."""
+        return self.desired + self._held if self.feedforward else self._held
 
     @property
     def _feels(self) -> bool:

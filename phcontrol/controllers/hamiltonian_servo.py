@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, gain, matrix
-from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.parameters import NonNegative, Parameter, Positive
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.servo_velocity import ServoVelocity
 from phcontrol.controllers.target import MOMENTUM, Target
@@ -74,12 +74,8 @@ class HamiltonianServo(VisualServo):
     stiffness: Parameter[ArrayLike, Array] = Parameter(
         "K", "N·m/m²", check=lambda name, value, system: gain(name, value, 3), tuned=lambda tuning: 100.0
     )
-    singular_damping: Parameter[float | None, SingularDamping] = Parameter(
-        "λ₀", "m/rad", default=None, check=lambda name, value, system: value
-    )
-    singular_region: Parameter[float | None, float] = Parameter(
-        "ε", "m/rad", default=None, check=lambda name, value, system: value
-    )
+    singular_damping: NonNegative = NonNegative("λ₀", "m/rad", default=None)
+    singular_region: Positive = Positive("ε", "m/rad", default=None)
 
     def prepare(self) -> None:
         """Compute Γ, which must make the storage function fall, and the damping of singularities."""
@@ -95,15 +91,13 @@ class HamiltonianServo(VisualServo):
         if np.allclose(self._convergence, self._convergence.T, rtol=1e-14, atol=0.0):
             values, vectors = np.linalg.eigh(self._convergence)
             self._convergence_root = (vectors * np.sqrt(values)) @ vectors.T
-        region, level = self.singular_region, self.singular_damping
-        if region is None:
-            region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
-        self.singular_damping = SingularDamping(
-            DAMPING_SHARE * region if level is None else level,
-            region,
-            self._convergence / np.linalg.norm(self._convergence, 2),
-        )
-        self._servo_velocity = ServoVelocity(self.rate, self.singular_damping)
+        if self.singular_region is None:
+            self.singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
+        if self.singular_damping is None:
+            self.singular_damping = DAMPING_SHARE * self.singular_region
+        weight = self._convergence / np.linalg.norm(self._convergence, 2)
+        self.damping_of_singularities = SingularDamping(self.singular_damping, self.singular_region, weight)
+        self._servo_velocity = ServoVelocity(self.rate, self.damping_of_singularities)
 
     @property
     def lacks_minimum(self) -> str:
@@ -203,12 +197,12 @@ class HamiltonianServo(VisualServo):
         however singular Δ̄ is.
         """
         square = image_jacobian @ image_jacobian.T
-        damped = self.singular_damping.at(square)
+        damped = self.damping_of_singularities.at(square)
         if damped is None:
             return self._convergence
         result: Array
         if self._convergence_root is None:
-            weighted = square + damped[0] * self.singular_damping.weight
+            weighted = square + damped[0] * self.damping_of_singularities.weight
             result = square @ np.linalg.solve(weighted, self._convergence)
             return result
         root = self._convergence_root

@@ -15,11 +15,10 @@ from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.sensors.measured import NOTHING, Measured
 
 
-class _Spring(NamedTuple):
+class _Stretched(NamedTuple):
     """The virtual spring at one state."""
 
     aim: Aim
@@ -71,8 +70,9 @@ class ImpedanceGrasping(RegulatedLaw):
     def prepare(self) -> None:
         """Check that the spring is one of the joints, which has the rest length of the law."""
         super().prepare()
-        if not isinstance(self.potential, JointSpring):
+        if self._spring is None:
             raise InvalidArgumentError("potential", f"must be a JointSpring: {self.name} moves its rest length")
+        self._stiffness = self._spring.stiffness
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -84,37 +84,37 @@ class ImpedanceGrasping(RegulatedLaw):
         """The rest length; with regulation also how far q_f has moved."""
         return ("rest_length", *super().states)
 
-    def _spring(self, t: float, x: MechanicalState, state: Array) -> _Spring:
-        n, K = self.system.n, self.potential.stiffness
+    def _stretched(self, t: float, x: MechanicalState, state: Array) -> _Stretched:
+        n, K = self.system.n, self._stiffness
         aim, rest = self.aim_at_virtual_position(t, x, state[n:]), state[:n]
         error = self.potential.coordinates(x, aim.goal)
         force = K.dot(error - rest)
-        return _Spring(aim, error, rest, force, self.rest_stiffness.dot(rest), aim.velocity + force)
+        return _Stretched(aim, error, rest, force, self.rest_stiffness.dot(rest), aim.velocity + force)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State s = K_p e, its rate, the rate of the rest length (and of q_f), and the effort."""
-        external, at = self._measurement(measured, "external_force"), self._spring(t, x, state)
+        external, at = self._measurement(measured, "external_force"), self._stretched(t, x, state)
         G = self.system.input_matrix
         output = at.adapted if G is None else G.T.dot(at.adapted)
         rest_rate = at.force - output - at.rest_force
         injected = at.rest_force - at.force - self.damping.dot(output)
         effort, error_rate = (injected if G is None else G.dot(injected)) - at.force, at.aim.velocity - rest_rate
         if self.regulation is None:
-            shift = at.aim.shift(at.force, self.potential.stiffness.dot(error_rate))
+            shift = at.aim.shift(at.force, self._stiffness.dot(error_rate))
             return Shaping(effort, *shift, cancelled_force=external, state_rate=rest_rate)
         goal_rate = self.regulation.rate(external)
-        shift = at.aim.shift(at.force, self.potential.stiffness.dot(error_rate - goal_rate))
+        shift = at.aim.shift(at.force, self._stiffness.dot(error_rate - goal_rate))
         return Shaping(effort, *shift, state_rate=np.concatenate([rest_rate, goal_rate]))
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl [J]."""
-        at = self._spring(t, x, state)
+        at = self._stretched(t, x, state)
         momentum = at.adapted.dot(x.factor)
         return float(0.5 * (momentum.dot(momentum) + at.force.dot(at.error - at.rest) + at.rest.dot(at.rest_force)))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return ŷ, |K_p e|² + |K_rl q_rl − K_p e|² + the losses by friction and damping, and the force of these."""
-        at = self._spring(t, x, state)
+        at = self._stretched(t, x, state)
         yielding = at.rest_force - at.force
         injected = x.injected_damping(self.damping, at.adapted)
         losses = at.force.dot(at.force) + yielding.dot(yielding)
@@ -122,7 +122,7 @@ class ImpedanceGrasping(RegulatedLaw):
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the rest length where ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl is smallest."""
-        at, M, K = self._spring(t, x, state), x.mass_matrix, self.potential.stiffness
+        at, M, K = self._stretched(t, x, state), x.mass_matrix, self._stiffness
         # with p̂ = Tᵀ(v_e + K(d − r)): −K M(v_e + K(d − r)) − K(d − r) + K_rl r = 0
         left = K @ M @ K + K + self.rest_stiffness
         right = K.dot(M.dot(at.aim.velocity + K.dot(at.error)) + at.error)
@@ -130,7 +130,7 @@ class ImpedanceGrasping(RegulatedLaw):
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (q − q_f, p̂, q_rl); a moving q_f drives its first row."""
-        at, one = self._spring(t, x, state), np.eye(self.system.n)
+        at, one = self._stretched(t, x, state), np.eye(self.system.n)
         momentum = at.adapted.dot(x.factor)
         parts = {
             "error": (at.error, at.force),

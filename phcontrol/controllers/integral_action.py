@@ -105,7 +105,8 @@ class IntegralAction(PositionLaw, DynamicExtension):
 
     def _momentum(self, aim: Aim, force_state: Array) -> Array:
         momentum: Array = aim.momentum - self.coupling.dot(force_state)
-        return momentum + self._compliance.dot(aim.gradient).dot(aim.x.factor)
+        momentum += self._compliance.dot(aim.gradient).dot(aim.x.factor)
+        return momentum
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̃|² + Ψ + ½zᵀK_z⁻¹z + ½|ξ|² [J]."""

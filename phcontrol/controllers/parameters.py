@@ -35,7 +35,7 @@ class Parameter(Generic[Given, Kept]):
         symbol: str = "",
         unit: str = "",
         *,
-        default: Given = REQUIRED,
+        default: Any = REQUIRED,
         tuned: Callable[[Tuning], Any] | None = None,
         check: Callable[[str, Any, MechanicalSystem], Kept] | None = None,
     ) -> None:

@@ -46,15 +46,12 @@ class PositionLaw(ShapedLaw):
             taken.add("goal")
         return super().default_gains(system, goal, given=taken, **wish)
 
-    def prepare(self) -> None:
-        """Make the spring of the joints where no potential is given."""
-        if self.potential is None:
-            self.potential = self._joint_spring()
-        elif self.goal is not None or self.stiffness is not None:
-            raise InvalidArgumentError("potential", "takes the place of goal and stiffness: give it or these two")
-        super().prepare()
-
-    def _joint_spring(self) -> JointSpring:
+    def shaped(self) -> Potential:
+        """Return the potential that is given, or the spring of the joints."""
+        if self.potential is not None:
+            if self.goal is not None or self.stiffness is not None:
+                raise InvalidArgumentError("potential", "takes the place of goal and stiffness: give it or these two")
+            return self.potential
         if isinstance(self.reference, FramePath):
             raise InvalidArgumentError("potential", "must be given with the path of a frame: a spring on that frame")
         if self.stiffness is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from phcontrol._validation import Array
@@ -41,7 +43,8 @@ class RegulatedLaw(PositionLaw):
     def prepare(self) -> None:
         """Check that there is a virtual position to move."""
         super().prepare()
-        if self.regulation is not None and not isinstance(self.potential, JointSpring):
+        self._spring = self.potential if isinstance(self.potential, JointSpring) else None
+        if self.regulation is not None and self._spring is None:
             raise InvalidArgumentError("regulation", "moves the goal of a joint spring: give goal and stiffness")
 
     @property
@@ -73,10 +76,10 @@ class RegulatedLaw(PositionLaw):
     def aim_at_virtual_position(self, t: float, x: MechanicalState, moved: Array) -> Aim:
         """Return what is aimed at when q_f has moved by some way, shape (n,) [rad]; none without regulation."""
         aim = self.aim(t, x)
-        if self.regulation is None:
+        if self._spring is None or self.regulation is None:
             return aim
-        goal = self.potential.goal if aim.goal is None else aim.goal
-        return Aim(x, self.potential, goal + moved, aim.reference_velocity, aim.reference_acceleration)
+        goal: Any = self._spring.goal if aim.goal is None else aim.goal
+        return Aim(x, self._spring, goal + moved, aim.reference_velocity, aim.reference_acceleration)
 
     def drive(self, measured: Measured) -> tuple[dict[str, Array], Array] | None:
         """Return how the moving q_f enters the parts of the target, and q̇_f; None without regulation."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
 
+from phcontrol._differences import central_difference
 from phcontrol._validation import Array
 from phcontrol.controllers.aim import Aim
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.potential import Potential
@@ -41,23 +44,42 @@ class ShapedLaw(Controller):
 
     reference: Parameter[AnyReference | None, AnyReference | None] = Parameter(default=None, check=_reference)
 
-    potential: Potential
-    """Ψ."""
-
     def prepare(self) -> None:
-        """Check that potential and reference fit the arm and each other; the potential must have been made."""
+        """Check that potential and reference fit the arm and each other."""
         super().prepare()
-        self._path = self.reference if isinstance(self.reference, FramePath) else None
-        self._trajectory = None if self._path is not None else self.reference
+        reference = self.reference
+        self._path = reference if isinstance(reference, FramePath) else None
+        self._trajectory = reference if isinstance(reference, Trajectory) else None
+        self.potential: Potential = self.shaped()
+        """Ψ."""
         self.potential.check(self.system)
         if self._path is not None and self._path.frame not in self.potential.follows:
             raise InvalidArgumentError(
                 "reference", f"is a path of '{self._path.frame}': the potential must have a spring on that frame"
             )
         if self._trajectory is not None and "joints" not in self.potential.follows:
-            raise InvalidArgumentError(
-                "reference", "is a trajectory of the joints: the potential must be one of theirs"
-            )
+            raise InvalidArgumentError("reference", "moves the joints: the potential must be a spring on them")
+        if self.reference is not None:
+            self._check_that_it_is_carried_along()
+
+    def _check_that_it_is_carried_along(self) -> None:
+        """Raise InvalidArgumentError unless the coordinates of Ψ change by A v_e: all of them move with the reference."""
+        generator, robot = np.random.default_rng(0), self.system.robot
+        position, velocity = robot.random_position(generator, margin=0.25), generator.normal(size=self.system.n)
+        for t in np.array([0.3, 0.6]) * self.time_span:
+            aim = self.aim(t, self.system.at(position, velocity))
+
+            def coordinates(step: float, t: float = t) -> Array:
+                return self.aim(t + step, self.system.at(position + step * velocity)).error[0]
+
+            rate, expected = central_difference(coordinates, 1e-4), aim.coordinate_map @ aim.velocity
+            if np.abs(rate - expected).max(initial=0.0) > 1e-5 * (1.0 + np.abs(expected).max(initial=0.0)):
+                message = f"leaves a part of the potential behind: {self.potential!r} must move with it as a whole"
+                raise InvalidArgumentError("reference", message)
+
+    @abstractmethod
+    def shaped(self) -> Potential:
+        """Return Ψ, made of the law's arguments."""
 
     def aim(self, t: float, x: MechanicalState, potential: Potential | None = None) -> Aim:
         """Return what potential (Ψ, or another) and reference make of a state at time t [s]."""
@@ -67,7 +89,14 @@ class ShapedLaw(Controller):
         if self._path is not None:
             pose = self._path.at(t)
             motion = resolved_motion(x, self._path.frame, pose)
-            return Aim(x, shaped, pose, motion.velocity, motion.acceleration)
+            return Aim(
+                x,
+                shaped,
+                Pose(pose.position, np.eye(3) if pose.rotation is None else pose.rotation),
+                motion.velocity,
+                motion.acceleration,
+            )
+        assert self._trajectory is not None
         desired = self._trajectory.at(t)
         return Aim(x, shaped, desired.position, desired.velocity, desired.acceleration)
 

@@ -50,8 +50,7 @@ class TotalForceRejection(EnergyShaping):
         aim = self.aim(t, x)
         effort = x.factor_rate.dot(x.transformed_momentum) - self._measurement(measured, "total_force")
         effort -= x.potential_gradient + aim.gradient + x.injected_damping(self.damping, aim.velocity)
-        s, s_rate = aim.shift()
-        return Shaping(effort, offset_rate=None if s is None else s.dot(x.factor_rate) + s_rate.dot(x.factor))
+        return Shaping(effort, offset_rate=aim.momentum_shift_rate())
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return Gᵀv_e, v_eᵀG C Gᵀv_e, and G C Gᵀv_e: friction is cancelled."""

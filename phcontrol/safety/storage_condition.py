@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import PassivePort
+from phcontrol.controllers.passive_port import PassivePort
 
 
 class StorageCondition(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 from phcontrol._validation import Array, gain, positive
-from phcontrol.controllers.controller import PassivePort
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system

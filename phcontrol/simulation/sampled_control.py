@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from phcontrol._validation import Array, positive
-from phcontrol.controllers.controller import Command, Controller, PassivePort
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter

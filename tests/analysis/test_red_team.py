@@ -18,7 +18,7 @@ from phcontrol import (
     certify,
     load_robot,
 )
-from phcontrol.controllers.controller import Drive
+from phcontrol.controllers.target import Drive
 from tests.conftest import make_system
 
 

@@ -31,7 +31,8 @@ from phcontrol import (
     load_robot,
     make_controller,
 )
-from phcontrol.controllers.controller import Command, Drive
+from phcontrol.controllers.command import Command
+from phcontrol.controllers.target import Drive
 from tests.conftest import make_system
 
 KICK = 5.0  # [N·m]

@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import InvalidArgumentError, UnknownNameError, certify, make_controller, simulate
+from phcontrol import (
+    Holding,
+    InvalidArgumentError,
+    JointForce,
+    PointForce,
+    UnknownNameError,
+    certify,
+    make_controller,
+    simulate,
+)
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
-from phcontrol.controllers.task_potentials import Holding, JointForce, PointForce
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from tests.conftest import make_system
 from tests.finite_differences import gradient, relative_error

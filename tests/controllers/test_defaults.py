@@ -28,9 +28,10 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.controllers.controller import EMPTY, inertia_scaled_gains
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.shaping import EMPTY
 from tests.finite_differences import gradient
 
 POSITIONAL = {"self", "system", "frame", "reference", "normal", "force", "source", "transformation", "energy_change",
@@ -55,7 +56,9 @@ def test_options_must_be_named(function):
 def test_inertia_scaled_gains_are_critically_damped_at_four_radians_a_second():
     system = MechanicalSystem(load_robot("pera"), friction=None)
     inertia = system.at(system.robot.home).mass_matrix.diagonal()
-    stiffness, damping = inertia_scaled_gains(system, system.robot.home)
+    home = system.robot.home
+    tuning = Tuning(system, home, home, 4.0, 1.0)
+    stiffness, damping = tuning.stiffness, tuning.damping
     np.testing.assert_allclose(stiffness, 16.0 * inertia)
     np.testing.assert_allclose(damping, 8.0 * inertia)  # 2 ω M
 

@@ -20,7 +20,7 @@ from phcontrol import (
     load_robot,
     make_controller,
 )
-from phcontrol.controllers.controller import EMPTY
+from phcontrol.controllers.shaping import EMPTY
 from tests.conftest import make_system
 
 GAINS = {"stiffness": 15.0, "damping": 10.0}

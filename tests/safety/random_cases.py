@@ -21,7 +21,7 @@ import pinocchio as pin
 from scipy.optimize import brentq
 
 from phcontrol import MechanicalSystem, load_robot
-from phcontrol.controllers.controller import PassivePort
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.torque_filter import FilterStatus, TorqueFilter
 

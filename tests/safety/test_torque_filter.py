@@ -18,7 +18,7 @@ from phcontrol import (
     load_robot,
     make_controller,
 )
-from phcontrol.controllers.controller import PassivePort
+from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
 from phcontrol.safety.storage_condition import StorageCondition
