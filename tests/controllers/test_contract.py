@@ -9,7 +9,10 @@ from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 
 from phcontrol import (
+    NOTHING,
+    Controller,
     EnergyShaping,
+    Gain,
     HamiltonianServo,
     InvalidArgumentError,
     MechanicalSystem,
@@ -17,6 +20,8 @@ from phcontrol import (
     PinholeCamera,
     ReductionServo,
     Schedule,
+    Target,
+    Vector,
     load_robot,
     make_controller,
 )
@@ -25,6 +30,27 @@ from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.sensors.measured import Measured, measure_truly
 from tests.conftest import make_system
 from tests.finite_differences import derivative
+
+
+
+class Spring(Controller):
+    """The shortest law: a promise and nothing else."""
+
+    name = "spring"
+    goal: Vector = Vector("q_d", "rad")
+    stiffness: Gain = Gain("K_p", "N·m/rad")
+    damping: Gain = Gain("C", "N·m·s/rad")
+
+    def storage(self, t, x, state, measured=NOTHING):
+        error = x.position_error(self.goal)
+        return x.kinetic_energy + 0.5 * error @ self.stiffness @ error
+
+    def target(self, t, x, state, measured=NOTHING):
+        error = x.position_error(self.goal)
+        return Target.mechanical(
+            x, self.interconnection, error=error, gradient=self.stiffness @ error, damping=self.damping
+        )
+
 
 AT_REST = ["energy_shaping", "force_feedback", "integral_action", "total_force_rejection", "impedance_grasping",
            "classical_impedance", "reduction_servo", "hamiltonian_servo"]  # fmt: skip
@@ -39,7 +65,8 @@ def test_storage_changes_by_what_is_dissipated_and_what_comes_in_at_the_port(nam
     for form in CONTROLLERS[name].law.forms:
         law = make_controller(name, system, interconnection=form)
         x = system.at(system.robot.near_home(), 0.5 * rng.normal(size=7))
-        scene, state, extra = law.random_scene(x, rng), 0.3 * law.random_state(rng), rng.normal(size=7)
+        scene = None if law.eyes is None else law.eyes.random_scene(x, rng)
+        state, extra = 0.3 * law.random_state(rng), rng.normal(size=7)
         command = law.evaluate(0.0, x, state, measure_truly(x, zero, law.needs, scene))
         acceleration = x.acceleration(command.torque + extra)
 
@@ -94,10 +121,12 @@ def test_the_posture_that_a_law_goes_to():
     schedule = Schedule([(0.0, servo), (1.0, law)])
     np.testing.assert_array_equal(schedule.target_posture(0.0), law.goal)  # the first that another law has
     assert Schedule([(0.0, servo)]).target_posture(0.0) is None
-    law.goal = "home"
-    assert law.target_posture(0.0) is None
-    law.goal = np.zeros(2)
-    assert law.target_posture(0.0) is None
+    own = Spring(three, goal=[0.1, 0.2, 0.3], stiffness=1.0, damping=1.0)
+    np.testing.assert_array_equal(own.target_posture(0.0), own.goal)
+    own.goal = "home"
+    assert own.target_posture(0.0) is None
+    own.goal = np.zeros(2)
+    assert own.target_posture(0.0) is None
 
 
 def test_the_usual_gains_of_servos():
@@ -157,8 +186,8 @@ def test_scenes_that_a_servo_is_tried_on_are_in_view(field_of_view, rng):
     assert 1.8 * usual < distances.max() <= 2.0 * usual * (1.0 + 1e-9)
     assert isinstance(scenes[0], ObservedObject)
     assert scenes[0].size.tolist() == pytest.approx([0.05, 0.01, 0.01])
-    assert Schedule([(0.0, make_controller("energy_shaping", system)), (1.0, law)]).random_scene(x, rng) is not None
-    assert make_controller("energy_shaping", system).random_scene(x, rng) is None
+    assert Schedule([(0.0, make_controller("energy_shaping", system)), (1.0, law)]).eyes is law
+    assert make_controller("energy_shaping", system).eyes is None
 
 
 @example(seed=0, size=1.5, nearness=0.1)  # large numbers: lengths in millimetres

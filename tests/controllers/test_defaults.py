@@ -66,7 +66,8 @@ def test_inertia_scaled_gains_are_critically_damped_at_four_radians_a_second():
 def test_friction_around_rest_makes_the_gains_stiffer(pera):
     x = pera.at(pera.robot.home)
     inertia = x.mass_matrix.diagonal()
-    stiffness, damping = inertia_scaled_gains(pera, pera.robot.home)
+    tuning = Tuning(pera, pera.robot.home, pera.robot.home, 4.0, 1.0)
+    stiffness, damping = tuning.stiffness, tuning.damping
     np.testing.assert_allclose(stiffness, np.maximum(16.0 * inertia, 0.8 * x.damping))
     np.testing.assert_allclose(damping, 2.0 * np.sqrt(stiffness * inertia))
     assert (stiffness > 17.0 * inertia).any()
@@ -107,9 +108,8 @@ def test_holding_has_the_stiffnesses_it_says(pera):
     moved = pera.at(reference.position + 0.1 * np.arange(7) / 7)
     offset = moved.placement("tool").translation - reference.placement("tool").translation
     turn = reference.placement("tool").rotation.T @ moved.placement("tool").rotation
-    angle = np.arccos((np.trace(turn) - 1.0) / 2.0)
     along = 0.1 * 3 / 7
-    expected = 100.0 * (offset[0] ** 2 + offset[1] ** 2) + 2.5 * angle**2 + 2.5 * along**2
+    expected = 100.0 * (offset[0] ** 2 + offset[1] ** 2) + 2.5 * (3.0 - np.trace(turn)) + 2.5 * along**2
     assert holding.energy(moved) == pytest.approx(expected, rel=1e-9)
     np.testing.assert_allclose(
         holding.gradient(moved), gradient(lambda q: holding.energy(pera.at(q)), moved.position), atol=1e-6
@@ -164,11 +164,10 @@ def test_a_schedule_takes_the_interconnection_of_its_first_law(shoulder):
 
 @pytest.mark.parametrize(
     ("base", "missing"),
-    [(Controller, name) for name in ("shape", "storage", "coordinates", "target", "default_gains")]
-    + [(DynamicExtension, name) for name in ("pull", "potential", "position_coordinates")],
+    [(Controller, name) for name in ("storage", "target")] + [(DynamicExtension, "shaped")],
 )
 def test_a_law_must_state_everything(base, missing):
-    names = {"shape", "storage", "coordinates", "target", "default_gains", "pull", "potential", "position_coordinates"}
+    names = {"storage", "target", "shaped"}
     body = {name: lambda self: None for name in names - {missing}}
     with pytest.raises(TypeError, match=missing):
         type("Incomplete", (base,), body)()

@@ -73,7 +73,7 @@ def test_derivatives_of_the_momentum(arm, variant, rng):
     for _ in range(4):
         x, features = draw(system, rng)
         B = law.view(x, features).image_jacobian
-        active += law.singular_damping.at(B @ B.T) is not None
+        active += law.damping_of_singularities.at(B @ B.T) is not None
         by_position, by_features = law.momentum_derivatives(x, features)
         numeric = gradient(lambda q, t=features: theta(q, t), x.position, 1e-4).T
         assert relative(by_position, numeric) < 1e-6
@@ -386,7 +386,7 @@ def test_near_singularities_of_a_redundant_arm_the_posture_term_fades(form):
     law = Stretched.tuned(system, interconnection=form)
     x = system.at(system.robot.home, np.full(7, 0.1))
     B = law.view(x, np.array([1e-7, 2e-7, 1e-5])).image_jacobian
-    assert law.singular_damping.at(B @ B.T) is not None
+    assert law.damping_of_singularities.at(B @ B.T) is not None
     certificate = certify(law, samples=10)
     assert certificate.passed, str(certificate)
 

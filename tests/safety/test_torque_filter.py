@@ -37,7 +37,7 @@ def panda_arm():
 
 def measured_at(controller, x, rng):
     """Draw forces, and what a law with eyes sees."""
-    scene = controller.random_scene(x, rng)
+    scene = controller.eyes and controller.eyes.random_scene(x, rng)
     features = None if scene is None else scene.features(x, scene.initial_state())
     return Measured(rng.normal(size=x.system.n), rng.normal(size=x.system.n), features=features)
 
