@@ -194,7 +194,7 @@ def _relative(error: Array, scale: Array) -> float:
 
 def _idleness(law: Controller, plant: MechanicalSystem, at: SampledState, target: Promise) -> float:
     """Return what is dissipated each second of the kinetic energy along the reference; infinite without motion."""
-    slip = at.velocity - reference_velocity(law, at.time)
+    slip = at.velocity - reference_velocity(law, at.time, at.position)
     kinetic = 0.5 * float(slip @ plant.at(at.position).mass_matrix @ slip)
     if kinetic <= 1e-12 * float(at.velocity @ at.velocity) or np.abs(slip).max() < _SLOW:
         return np.inf

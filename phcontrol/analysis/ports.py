@@ -77,5 +77,7 @@ def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
 
 def _moving(law: Controller, states: Sequence[SampledState]) -> list[SampledState]:
     """Return a few states in which the arm moves away from its reference."""
-    moving = [at for at in states if np.abs(at.velocity - reference_velocity(law, at.time)).max() > _MOVING]
+    moving = [
+        at for at in states if np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max() > _MOVING
+    ]
     return list(some(moving, _STATES, law.system.n))

@@ -219,13 +219,11 @@ def true_span(law: Controller) -> float:
     return span
 
 
-def reference_velocity(law: Controller, time: float) -> Array:
-    """Return the velocity of the law's rest posture at a time, shape (n,) [rad/s]; 0 for a law that does not change."""
+def reference_velocity(law: Controller, time: float, position: Array | None = None) -> Array:
+    """Return the velocity that a law leads the arm along with, by default where it rests, shape (n,) [rad/s]."""
     if not law.time_span:
         return np.zeros(law.system.n)
-    h = 0.5 * _FIRST_TIME
-    velocity: Array = (law.rest_posture(time + h) - law.rest_posture(time - h)) / (2.0 * h)
-    return velocity
+    return law.reference_velocity(time, law.system.at(law.rest_posture(time) if position is None else position))
 
 
 def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name: str) -> tuple[Array, str]:

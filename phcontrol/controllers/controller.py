@@ -234,8 +234,14 @@ class Controller(Declared, ABC):
         return self.system.robot.home if posture is None else posture
 
     def reference_velocity(self, t: float, x: MechanicalState) -> Array:
-        """Return the velocity that the law leads the arm along with at time t [s], shape (n,) [rad/s]; 0 for none."""
-        return np.zeros(self.system.n)
+        """Return the velocity that the law leads the arm along with at time t [s], shape (n,) [rad/s]; 0 for none.
+
+        Here that of the posture where it rests.
+        """
+        if not self.time_span:
+            return np.zeros(self.system.n)
+        velocity: Array = central_difference(lambda step: self.rest_posture(t + step), _STEP)
+        return velocity
 
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""

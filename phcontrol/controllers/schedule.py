@@ -126,6 +126,10 @@ class Schedule(Controller):
         own = ["at a switch H_d may jump"] if len(self.laws) > 1 else []
         return "; ".join(dict.fromkeys([*(law.caveat for law in self.laws if law.caveat), *own]))
 
+    def reference_velocity(self, t: float, x: MechanicalState) -> Array:
+        """Return that of the active law."""
+        return self.active(t).reference_velocity(t, x)
+
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return that of the first law."""
         return self.laws[0].rest_force(x)

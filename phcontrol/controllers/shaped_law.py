@@ -17,7 +17,7 @@ from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.potential import Potential
-from phcontrol.trajectories.frame_path import FramePath, check_frame_path
+from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
 from phcontrol.trajectories.resolved_motion import resolved_motion
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
@@ -30,6 +30,11 @@ def _reference(name: str, value: Any, system: MechanicalSystem) -> AnyReference:
         system.frame_id(value.frame)
         return check_frame_path(name, value)
     return check_trajectory(name, value, system.n)
+
+
+def _pose(reference: FrameReference) -> Pose:
+    """Return the pose; where the orientation is free, any."""
+    return Pose(reference.position, np.eye(3) if reference.rotation is None else reference.rotation)
 
 
 class ShapedLaw(Controller):
@@ -53,6 +58,7 @@ class ShapedLaw(Controller):
         self.potential: Potential = self.shaped()
         """Ψ."""
         self.potential.check(self.system)
+        self._minima: dict[float | None, Array] = {}
         if self._path is not None and self._path.frame not in self.potential.follows:
             raise InvalidArgumentError(
                 "reference", f"is a path of '{self._path.frame}': the potential must have a spring on that frame"
@@ -63,7 +69,7 @@ class ShapedLaw(Controller):
             self._check_that_it_is_carried_along()
 
     def _check_that_it_is_carried_along(self) -> None:
-        """Raise InvalidArgumentError unless the coordinates of Ψ change by A v_e: all of them move with the reference."""
+        """Raise InvalidArgumentError unless all coordinates of Ψ change by A v_e, and so move with the reference."""
         generator, robot = np.random.default_rng(0), self.system.robot
         position, velocity = robot.random_position(generator, margin=0.25), generator.normal(size=self.system.n)
         for t in np.array([0.3, 0.6]) * self.time_span:
@@ -92,7 +98,7 @@ class ShapedLaw(Controller):
             return Aim(
                 x,
                 shaped,
-                Pose(pose.position, np.eye(3) if pose.rotation is None else pose.rotation),
+                _pose(pose),
                 motion.velocity,
                 motion.acceleration,
             )
@@ -115,6 +121,17 @@ class ShapedLaw(Controller):
         if self._trajectory is not None:
             return self._trajectory.at(t).position
         return self.potential.posture if self.reference is None else None
+
+    def rest_posture(self, t: float) -> Array:
+        """Return q_d, or a posture near the arm's home at which Ψ is smallest, shape (n,) [rad]."""
+        posture = self.target_posture(t)
+        if posture is not None:
+            return posture
+        goal = None if self._path is None else _pose(self._path.at(t))
+        key = None if goal is None else t
+        if key not in self._minima:
+            self._minima[key] = self.potential.minimum_near(self.system, self.system.robot.home, goal)
+        return self._minima[key]
 
     def reference_velocity(self, t: float, x: MechanicalState) -> Array:
         """Return q̇_ref, shape (n,) [rad/s]."""

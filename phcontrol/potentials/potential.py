@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Goal: TypeAlias = "Array | Pose"
 """Where a moving reference is: joint positions, shape (n,) [rad], or the pose of a frame (``Pose`` or pin.SE3)."""
 
+_NEWTON_STEPS, _LONGEST_STEP = 60, 0.5  # [rad]
 _POSTURES = 4  # at which the directions that are held are counted
 
 
@@ -82,6 +83,33 @@ class Potential(ABC):
         """Return (∂²Ψ/∂q²)v for any velocity v [rad/s] and a goal at rest, shape (n,) [N·m/s]."""
         moving = x if velocity is x.velocity else x.system.at(x.position, velocity)
         return self.gradient_rate(moving, velocity, goal)
+
+    def minimum_near(self, system: MechanicalSystem, start: Array, goal: Goal | None = None) -> Array:
+        """Return joint positions near a start at which Ψ is smallest, shape (n,) [rad], or the start where it has none.
+
+        Newton's steps, shortened until Ψ falls, that leave alone what Ψ does not hold.
+        """
+        position, x = np.array(start, dtype=float), system.at(start)
+        energy = self.energy(x, goal)
+        for _ in range(_NEWTON_STEPS):
+            gradient = self.gradient(x, goal)
+            hessian = np.stack([self.hessian_along(x, unit, goal) for unit in np.eye(system.n)])
+            values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
+            size = np.abs(values)
+            held = size > 1e-9 * size.max(initial=0.0)
+            if not held.any():
+                return np.array(start, dtype=float)
+            step = vectors[:, held] @ ((vectors[:, held].T @ gradient) / size[held])
+            step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
+            if np.abs(step).max() < 1e-13:
+                break
+            while True:
+                there = system.at(position - step)
+                if self.energy(there, goal) <= energy or np.abs(step).max() < 1e-13:
+                    break
+                step = 0.5 * step
+            position, x, energy = there.position, there, self.energy(there, goal)
+        return position
 
     def held_directions(self, x: MechanicalState) -> Array:
         """Return a (m, n) matrix whose rows say along which velocities Ψ has a minimum: all that c moves along.

@@ -32,7 +32,6 @@ from tests.conftest import make_system
 from tests.finite_differences import derivative
 
 
-
 class Spring(Controller):
     """The shortest law: a promise and nothing else."""
 

@@ -28,10 +28,10 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.controllers.tuning import Tuning
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.shaping import EMPTY
+from phcontrol.controllers.tuning import Tuning
 from tests.finite_differences import gradient
 
 POSITIONAL = {"self", "system", "frame", "reference", "normal", "force", "source", "transformation", "energy_change",
