@@ -151,6 +151,13 @@ def count(name: str, value: int, *, minimum: int = 1) -> int:
     return int(value)
 
 
+def text(name: str, value: Any) -> str:
+    """Return ``value`` when it is a string that is not empty: the name of something."""
+    if not isinstance(value, str) or not value:
+        raise InvalidArgumentError(name, f"must be a name, but is {value!r}")
+    return value
+
+
 def choice(kind: str, value: Any, options: Iterable[str]) -> str:
     """Return ``value`` when it is one of ``options``, else list them."""
     known = list(options)

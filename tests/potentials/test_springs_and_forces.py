@@ -240,6 +240,8 @@ def frame_spring(**options):
         (lambda: FrameWrench("tool", [0, 0, 0, 0, 0, 1]), "orientation: must be given with a torque"),
         (lambda: FrameWrench("tool", [0, 0, 1]), r"force: must have shape \(6,\)"),
         (lambda: FrameWrench("tool", np.ones(6), orientation=np.zeros((3, 3))), "orientation: must be a rotation"),
+        (lambda: PointForce(3, [0, 1, 0]), "frame: must be a name, but is 3"),
+        (lambda: SingleJointSpring(None, 0.0, 1.0), "joint: must be a name, but is None"),
         (lambda: PointForce("tool", [0, 1]), r"force: must have shape \(3,\)"),
         (lambda: JointForce(3.0), "force: must be a vector"),
         (lambda: JointSpring(0.0, 1.0), "goal: must be a vector"),
