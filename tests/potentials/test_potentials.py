@@ -193,20 +193,23 @@ def test_continuous_joints_wrap_in_springs_and_not_in_forces():
     turning = int(np.argmax(system.robot.continuous))
     goal = np.zeros(system.n)
     x = system.at(2.0 * np.pi * np.eye(system.n)[turning] + 0.1)
-    expected = np.full(system.n, 0.1)
-    expected[~system.robot.continuous] = 0.1
-    np.testing.assert_allclose(JointSpring(goal, 3.0).gradient(x), 3.0 * expected, atol=1e-12)
+    np.testing.assert_allclose(JointSpring(goal, 3.0).gradient(x), np.full(system.n, 0.3), atol=1e-12)
     single = SingleJointSpring(system.robot.joint_names[turning], 0.0, 3.0)
     assert single.energy(x) == pytest.approx(0.5 * 3.0 * 0.01, rel=1e-12)
-    assert JointForce(np.eye(system.n)[turning]).energy(x) == pytest.approx(2.0 * np.pi + 0.1, rel=1e-12)
+    force = JointForce(np.eye(system.n)[turning])
+    assert force.energy(x) == pytest.approx(2.0 * np.pi + 0.1, rel=1e-12)
+    assert force.energy(x, goal + 0.1) == pytest.approx(2.0 * np.pi, rel=1e-12)
 
 
 @every_arm
 def test_kinematics_of_a_frame_are_computed_once_and_stay(arm, rng):
     system, frame = make_system(arm), FRAMES[arm]
     first, second = random_state(system, rng), random_state(system, rng)
-    for x in (first, second):
-        x.frame_kinematics(frame)
+    poses = [x.placement(frame) for x in (first, second)]
+    found = [x.frame_kinematics(frame) for x in (first, second)]
+    for pose, kinematics in zip(poses, found, strict=True):  # both went through the same workspace
+        np.testing.assert_allclose(kinematics.translation, pose.translation, atol=1e-14)
+        np.testing.assert_allclose(kinematics.rotation, pose.rotation, atol=1e-14)
     second.frame_kinematics_rate(frame)
     first.frame_kinematics_rate(frame)
     for x in (first, second):
