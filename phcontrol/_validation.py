@@ -158,6 +158,13 @@ def flag(name: str, value: bool) -> bool:
     return value
 
 
+def text(name: str, value: Any) -> str:
+    """Return ``value`` when it is a string that is not empty: the name of something."""
+    if not isinstance(value, str) or not value:
+        raise InvalidArgumentError(name, f"must be a name, but is {value!r}")
+    return value
+
+
 def choice(kind: str, value: Any, options: Iterable[str]) -> str:
     """Return ``value`` when it is one of ``options``, else list them."""
     known = list(options)

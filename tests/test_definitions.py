@@ -46,6 +46,9 @@ DEMANDED = {
         "DynamicExtension": {"default_gains", "position_coordinates", "potential", "pull"}
     },
     "controllers.visual_servo": {"VisualServo": {"servo_motion", "servo_velocity"}},
+    "potentials.potential": {
+        "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
+    },
     "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},
     "environments.disturbances": {"Disturbance": {"__call__"}, "_Shaped": {"__call__"}},
 }

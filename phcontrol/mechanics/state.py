@@ -371,9 +371,9 @@ class MechanicalState:
     def _kinematics_in_data(self, index: int) -> FrameKinematics:
         """Return the kinematics of a frame from the joints' that were last computed in the system's workspace."""
         model, data = self.system.model, self.system.data
-        pose = pin.updateFramePlacement(model, data, index)  # a view: copied here
+        pose = pin.updateFramePlacement(model, data, index)  # a copy, not a view of the workspace
         jacobian = pin.getFrameJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        return FrameKinematics(np.array(pose.translation), np.array(pose.rotation), self._independent(jacobian))
+        return FrameKinematics(pose.translation, pose.rotation, self._independent(jacobian))
 
     @property
     def _model_velocity(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, text
 from phcontrol.mechanics.pose import FrameKinematics, Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -41,7 +41,7 @@ class FramePotential(Potential):
         turning: Array | None = None,
         translates: bool = True,
     ) -> None:
-        self.frame = frame
+        self.frame = text("frame", frame)
         self.goal = goal
         """The pose (r_d, R_d) in the world."""
         self._stiffness, self._force, self._turning = stiffness, force, turning

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, direction, gain, vector
+from phcontrol._validation import Array, direction, finite_array, gain
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose, check_pose
 from phcontrol.potentials.frame_potential import FramePotential
@@ -82,13 +83,17 @@ class FrameSpring(FramePotential):
 
 
 def _stiffness(name: str, value: ArrayLike | None) -> Array | None:
-    left_out = value is None or (np.ndim(value) == 0 and not isinstance(value, (str, bytes)) and value == 0)
-    return None if left_out else gain(name, value, 3)  # type: ignore[arg-type]  # not None
+    if value is None or (isinstance(value, (int, float, np.number)) and value == 0):
+        return None
+    return gain(name, value, 3)
 
 
 def _goal(goal: Any, needs_rotation: bool) -> Pose:
-    if not isinstance(goal, Pose) and np.shape(goal) == (3,):
-        if needs_rotation:
-            raise InvalidArgumentError("goal", "must be a pose for a rotational_stiffness, but is a point")
-        return Pose(vector("goal", goal, 3), np.eye(3))
-    return check_pose("goal", goal)
+    if isinstance(goal, (Pose, pin.SE3)):
+        return check_pose("goal", goal)
+    array = finite_array("goal", goal)
+    if array.shape != (3,):
+        return check_pose("goal", array)
+    if needs_rotation:
+        raise InvalidArgumentError("goal", "must be a pose for a rotational_stiffness, but is a point")
+    return Pose(array, np.eye(3))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phcontrol._validation import Array, number, positive
+from phcontrol._validation import Array, number, positive, text
 from phcontrol.mechanics.robot import wrapped
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -32,7 +32,7 @@ class SingleJointSpring(Potential):
     """
 
     def __init__(self, joint: str, goal: float, stiffness: float) -> None:
-        self.joint = joint
+        self.joint = text("joint", joint)
         self.goal, self.stiffness = number("goal", goal), positive("stiffness", stiffness)
 
     @property
@@ -46,7 +46,8 @@ class SingleJointSpring(Potential):
 
     def energy(self, x: MechanicalState, goal: Goal | None = None) -> float:
         """Return ½k q̃_i² [J]."""
-        return 0.5 * self.stiffness * self._error(x, goal) ** 2
+        error = self._error(x, goal)
+        return 0.5 * self.stiffness * error * error
 
     def gradient(self, x: MechanicalState, goal: Goal | None = None) -> Array:
         """Return k q̃_i in the joint's entry, shape (n,) [N·m]."""

@@ -234,7 +234,8 @@ VALUES: list[Any] = [
 TAKERS: list[Callable[..., Any]] = [
     ph.StribeckFriction, ph.GripperSpring, ph.PacketFaults, ph.ForceRegulation, ph.RigidBody, ph.CompliantBody,
     ph.JointContact, ph.SphereContact, ph.Step, ph.Pulse, ph.Sine, ph.ForceSensor, ph.MomentumObserver, ph.ControlBox,
-    ph.MechanicalSystem, ph.Schedule, ph.Holding, ph.Limits, ph.TorqueFilter,
+    ph.MechanicalSystem, ph.Schedule, ph.Holding, ph.Limits, ph.TorqueFilter, ph.JointSpring, ph.SingleJointSpring,
+    ph.JointForce, ph.PointForce, ph.FrameWrench, ph.FrameSpring, ph.PositionPotential,
 ]  # fmt: skip
 
 
