@@ -61,7 +61,7 @@ class InterpolatedPath:
 
     def _check_length(self) -> None:
         """Raise InvalidArgumentError where c comes so near to zero that the rotation between would be wild."""
-        for t in np.linspace(self.motion.start, self.motion.end, 20 * self.motion.pieces + 1):
+        for t in np.linspace(self.motion.start, self.motion.end, 20 * self.motion.pieces + 400):
             if np.linalg.norm(self.motion.at(float(t)).position[3:]) < _SHORTEST:
                 raise InvalidArgumentError(
                     "rotations", f"turn too far between two poses near {t:.3g} s: put some between, or take more time"
