@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, number, vector
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest, turn_between
-from phcontrol.trajectories.pose import Pose, direction, pose, rotation
+from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest
+from phcontrol.trajectories.pose import Pose, direction, pose, rotation, shortest_turn
 
 
 class FrameArc(CurvedPath):
@@ -102,5 +102,5 @@ def _turn(
         return (None if still is None else (still, normal)), angle if turning else 0.0
     if still is None:
         raise InvalidArgumentError("orientation", "is left free by an origin that is a point: give a pose to turn")
-    axis, turn = turn_between("orientation", still, rotation("orientation", orientation))
+    axis, turn = shortest_turn("orientation", still, rotation("orientation", orientation))
     return (still, axis), turn
