@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,8 @@ class CurvedPath:
     """A frame along a curve r(s), turned by φ(s) about a fixed axis u of the world, both at s(t).
 
         ξ_d = (r′, φ′u)ṡ,   ξ̇_d = (r″, φ″u)ṡ² + (r′, φ′u)s̈,   R_d = exp(φ u×)R₀
+
+    Curve and timing are functions of a module with their parameters bound, so that a path can be pickled.
 
     Args:
         frame: name of the link or frame that moves.
@@ -63,12 +66,12 @@ class CurvedPath:
 def rest_to_rest(travel_time: float, start: float) -> tuple[Timing, float]:
     """Return the minimum-jerk motion of s from 0 to 1, and when it has ended [s]."""
     motion = MinimumJerk([0.0], [1.0], travel_time, start=start)
+    return partial(_progress, motion), motion.duration
 
-    def timing(t: float) -> tuple[float, float, float]:
-        (s,), (rate,), (acceleration,) = motion.at(t)
-        return float(s), float(rate), float(acceleration)
 
-    return timing, motion.duration
+def _progress(motion: MinimumJerk, t: float) -> tuple[float, float, float]:
+    (s,), (rate,), (acceleration,) = motion.at(t)
+    return float(s), float(rate), float(acceleration)
 
 
 def turn_of(origin: Array | None, goal: Array | None) -> tuple[tuple[Array, Array] | None, float]:

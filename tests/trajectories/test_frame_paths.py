@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pinocchio as pin
@@ -113,6 +114,13 @@ def test_everything_is_the_path_of_a_frame(name):
 
 
 @pytest.mark.parametrize("name", list(PATHS))
+def test_paths_go_to_other_processes(name):
+    there = pickle.loads(pickle.dumps(PATHS[name]))
+    for here, copied in zip(PATHS[name].at(1.3), there.at(1.3), strict=True):
+        np.testing.assert_array_equal(here, copied)
+
+
+@pytest.mark.parametrize("name", list(PATHS))
 def test_nothing_jumps_where_pieces_meet(name):
     """Position, twist and its derivative just before and just after each instant where something changes."""
     path = PATHS[name]
@@ -216,9 +224,9 @@ def test_an_arc_goes_through_three_points_in_their_order(via):
     path = FrameArc.through("tool", first, via, last, 1.0)
     np.testing.assert_allclose(path.at(0.0).position, first, atol=1e-12)
     np.testing.assert_allclose(path.at(1.0).position, last, atol=1e-9)
-    points = np.array([path.at(t).position for t in np.linspace(0.0, 1.0, 2001)])
+    points = np.array([path.at(t).position for t in np.linspace(0.0, 1.0, 501)])
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    assert np.linalg.norm(points - via, axis=1).min() < 2e-3 * length
+    assert np.linalg.norm(points - via, axis=1).min() < 2e-3 * length  # half of the longest step
     assert length < 2.0 * np.pi * np.linalg.norm(points - points.mean(axis=0), axis=1).max() * 1.2  # not round twice
 
 
