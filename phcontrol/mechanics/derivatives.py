@@ -157,7 +157,7 @@ def right_inverse(matrix: Array, regularisation: Array | None = None) -> Array:
 
 
 def right_inverse_motion(
-    matrix: Array, rate: Array, square: Array, square_rate: Array, wish: Array, wish_rate: Array
+    matrix: Array, rate: Array, square: Array, square_rate: Array, desired: Array, desired_rate: Array
 ) -> tuple[Array, Array]:
     """Return s = BᵀA⁻¹w and ṡ along Ḃ, Ȧ and ẇ, shape (n,) each; NaN where A is singular.
 
@@ -166,15 +166,15 @@ def right_inverse_motion(
         rate: Ḃ.
         square: A = BBᵀ + Q, damped or not (Q = 0), shape (m, m).
         square_rate: Ȧ.
-        wish: w, shape (m,).
-        wish_rate: ẇ.
+        desired: w, shape (m,).
+        desired_rate: ẇ.
     """
     lu, pivots, info = _dgetrf(square)
     if info:
         nothing = np.full(matrix.shape[1], np.nan)  # a torque that is made of it is then refused as not finite
         return nothing, nothing
-    y = _dgetrs(lu, pivots, wish)[0]
-    y_rate = _dgetrs(lu, pivots, wish_rate - square_rate.dot(y))[0]
+    y = _dgetrs(lu, pivots, desired)[0]
+    y_rate = _dgetrs(lu, pivots, desired_rate - square_rate.dot(y))[0]
     return y.dot(matrix), y.dot(rate) + y_rate.dot(matrix)
 
 

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import cross_matrices
-from phcontrol.trajectories.frame_path import FrameReference
+from phcontrol.trajectories.frame_path import FrameReference, frame_name
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
-from phcontrol.trajectories.pose import rotation
+from phcontrol.trajectories.pose import shortest_turn
 
 Curve = Callable[[float], tuple[Array, Array, Array]]
 """(r, φ), where the frame is [m] and how far it is turned [rad], shape (4,), with its two derivatives by s."""
 Timing = Callable[[float], tuple[float, float, float]]
 """s, ṡ, s̈ at a time [s]."""
 
-NO_TURN = 1e-3
-"""How near to half a turn the way round is not clear [rad]."""
-
 
 class CurvedPath:
     """A frame along a curve r(s), turned by φ(s) about a fixed axis u of the world, both at s(t).
 
         ξ_d = (r′, φ′u)ṡ,   ξ̇_d = (r″, φ″u)ṡ² + (r′, φ′u)s̈,   R_d = exp(φ u×)R₀
+
+    Curve and timing are functions of a module with their parameters bound, so that a path can be pickled.
 
     Args:
         frame: name of the link or frame that moves.
@@ -44,8 +45,9 @@ class CurvedPath:
         self._still, self._spread = None, np.eye(3, 4)
         if turned is not None:
             self._still, axis = turned
-            self._across = cross_matrices(axis[:, None])[0] @ self._still  # of the still, the sine and the versine part
-            self._back = cross_matrices(axis[:, None])[0] @ self._across
+            turn = cross_matrices(axis[:, None])[0]
+            self._across = turn @ self._still  # exp(φ u×) = 1 + sin φ u× + (1 − cos φ) u×u×
+            self._back = turn @ self._across
             self._spread = np.eye(6, 4)
             self._spread[3:, 3] = axis
 
@@ -56,42 +58,20 @@ class CurvedPath:
         turn = None
         if self._still is not None:
             angle = float(value[3])
-            turn = self._still + np.sin(angle) * self._across + (1.0 - np.cos(angle)) * self._back
+            turn = self._still + math.sin(angle) * self._across + (1.0 - math.cos(angle)) * self._back
         twist = self._spread.dot(slope * rate)
         return FrameReference(value[:3], turn, twist, self._spread.dot(bend * rate**2 + slope * acceleration))
-
-
-def frame_name(value: str) -> str:
-    """Return the name of a frame; whether there is one of that name the robot says."""
-    if not isinstance(value, str) or not value:
-        raise InvalidArgumentError("frame", f"must be the name of a frame, but is {value!r}")
-    return value
 
 
 def rest_to_rest(travel_time: float, start: float) -> tuple[Timing, float]:
     """Return the minimum-jerk motion of s from 0 to 1, and when it has ended [s]."""
     motion = MinimumJerk([0.0], [1.0], travel_time, start=start)
-
-    def timing(t: float) -> tuple[float, float, float]:
-        (s,), (rate,), (acceleration,) = motion.at(t)
-        return float(s), float(rate), float(acceleration)
-
-    return timing, motion.duration
+    return partial(_progress, motion), motion.duration
 
 
-def turn_between(name: str, origin: Array, goal: Array) -> tuple[Array, float]:
-    """Return the axis in the world and the angle of the shortest turn from one orientation to another [rad]."""
-    between = rotation(name, goal @ origin.T)
-    sine_axis = 0.5 * np.array(
-        [between[2, 1] - between[1, 2], between[0, 2] - between[2, 0], between[1, 0] - between[0, 1]]
-    )
-    sine = float(np.linalg.norm(sine_axis))
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(between) - 1.0)))
-    if np.pi - angle < NO_TURN:
-        raise InvalidArgumentError(
-            name, "is half a turn from the orientation before it, and which way round is not clear: put one between"
-        )
-    return (sine_axis / sine if sine > 0.0 else np.array([0.0, 0.0, 1.0])), angle
+def _progress(motion: MinimumJerk, t: float) -> tuple[float, float, float]:
+    (s,), (rate,), (acceleration,) = motion.at(t)
+    return float(s), float(rate), float(acceleration)
 
 
 def turn_of(origin: Array | None, goal: Array | None) -> tuple[tuple[Array, Array] | None, float]:
@@ -105,5 +85,5 @@ def turn_of(origin: Array | None, goal: Array | None) -> tuple[tuple[Array, Arra
         raise InvalidArgumentError(
             "goal", "and origin must both be poses, or both be points: then the orientation is left free"
         )
-    axis, angle = turn_between("goal", origin, goal)
+    axis, angle = shortest_turn("goal", origin, goal)
     return (origin, axis), angle

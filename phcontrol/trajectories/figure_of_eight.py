@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,25 +64,23 @@ class FigureOfEight(CurvedPath):
         start = start if ramp is None else number("ramp", ramp, minimum=0.0)
         wide = np.append(0.5 * number("width", width) * first, angle)
         high = np.append(0.5 * number("height", height) * second, 0.0)
-        base = np.append(middle, 0.0)
-
-        def eight(s: float) -> tuple[Array, Array, Array]:
-            one, one_slope = math.sin(s) * wide, math.cos(s) * wide
-            two, two_slope = math.sin(2.0 * s) * high, math.cos(2.0 * s) * high
-            return base + one + two, one_slope + 2.0 * two_slope, -one - 4.0 * two
-
-        def timing(t: float) -> tuple[float, float, float]:
-            if t >= start:
-                return rate * (t - 0.5 * start), rate, 0.0
-            if t <= 0.0:
-                return (rate * t, rate, 0.0) if start == 0.0 else (0.0, 0.0, 0.0)
-            x = t / start
-            grown = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-            return (
-                rate * start * x**4 * (2.5 - 3.0 * x + x**2),
-                rate * grown,
-                rate / start * 30.0 * x**2 * (1.0 - x) ** 2,
-            )
-
+        eight = partial(_eight, np.append(middle, 0.0), wide, high)
         turned = None if still is None else (still, pivot)
-        super().__init__(frame, eight, timing, period + 0.5 * start, turned)
+        super().__init__(frame, eight, partial(_ramped, rate, start), period + 0.5 * start, turned)
+
+
+def _eight(center: Array, wide: Array, high: Array, angle: float) -> tuple[Array, Array, Array]:
+    once, once_slope = math.sin(angle) * wide, math.cos(angle) * wide
+    twice, twice_slope = math.sin(2.0 * angle) * high, 2.0 * math.cos(2.0 * angle) * high
+    return center + once + twice, once_slope + twice_slope, -once - 4.0 * twice
+
+
+def _ramped(rate: float, ramp: float, t: float) -> tuple[float, float, float]:
+    """Return θ, θ̇ and θ̈ of an angle that turns at ``rate`` [rad/s] after a smooth ramp [s] from rest."""
+    if t >= ramp:
+        return rate * (t - 0.5 * ramp), rate, 0.0
+    if t <= 0.0:
+        return (rate * t, rate, 0.0) if ramp == 0.0 else (0.0, 0.0, 0.0)
+    x = t / ramp
+    angle = rate * ramp * x**4 * (2.5 - 3.0 * x + x**2)
+    return angle, rate * x**3 * (10.0 - 15.0 * x + 6.0 * x**2), 30.0 * rate / ramp * (x * (1.0 - x)) ** 2

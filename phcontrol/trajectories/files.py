@@ -48,7 +48,7 @@ def read_frame_path(path: str | os.PathLike[str], frame: str, *, smoothing: floa
     table = _read(path, _POINT, _QUATERNION)
     rotations = None
     if table.shape[1] > len(_POINT):
-        lengths = np.linalg.norm(table[:, 4:], axis=1)
+        lengths = np.hypot.reduce(table[:, 4:], axis=1)  # does not overflow
         wrong = np.flatnonzero(np.abs(lengths - 1.0) > 1e-3)
         if wrong.size:
             row = wrong[0]
@@ -56,7 +56,7 @@ def read_frame_path(path: str | os.PathLike[str], frame: str, *, smoothing: floa
                 f"cannot read the trajectory {path}: the quaternion of row {row + 1} must have length 1, but has "
                 f"{lengths[row]:.4g}"
             )
-        rotations = np.array([pin.Quaternion(row / np.linalg.norm(row)).matrix() for row in table[:, 4:]])
+        rotations = np.array([pin.Quaternion(row).normalized().matrix() for row in table[:, 4:]])
     return SampledFramePath(frame, table[:, 0], table[:, 1:4], rotations, smoothing=smoothing)
 
 

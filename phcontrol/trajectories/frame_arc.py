@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -10,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, number, vector
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest, turn_between
-from phcontrol.trajectories.pose import Pose, direction, pose, rotation
+from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest
+from phcontrol.trajectories.pose import Pose, direction, pose, rotation, shortest_turn
 
 
 class FrameArc(CurvedPath):
@@ -50,14 +51,8 @@ class FrameArc(CurvedPath):
         if np.linalg.norm(arm) < 1e-9:
             raise InvalidArgumentError("center", "must be on an axis that does not go through the origin of the arc")
         turned, turn = _turn(still, orientation, normal, reach)
-        middle = np.append(first - arm, 0.0)
-        along, across, turning = np.append(arm, 0.0), np.append(np.cross(normal, arm), 0.0), np.array([0, 0, 0, turn])
-
-        def arc(s: float) -> tuple[Array, Array, Array]:
-            cosine, sine = math.cos(reach * s), math.sin(reach * s)
-            out = cosine * along + sine * across
-            return middle + out + s * turning, reach * (cosine * across - sine * along) + turning, -(reach**2) * out
-
+        along, across = np.append(arm, 0.0), np.append(np.cross(normal, arm), 0.0)
+        arc = partial(_arc, np.append(first - arm, 0.0), along, across, np.array([0.0, 0.0, 0.0, turn]), reach)
         super().__init__(frame, arc, *rest_to_rest(travel_time, start), turned)
 
     @classmethod
@@ -102,5 +97,13 @@ def _turn(
         return (None if still is None else (still, normal)), angle if turning else 0.0
     if still is None:
         raise InvalidArgumentError("orientation", "is left free by an origin that is a point: give a pose to turn")
-    axis, turn = turn_between("orientation", still, rotation("orientation", orientation))
+    axis, turn = shortest_turn("orientation", still, rotation("orientation", orientation))
     return (still, axis), turn
+
+
+def _arc(
+    center: Array, along: Array, across: Array, turning: Array, angle: float, s: float
+) -> tuple[Array, Array, Array]:
+    cosine, sine = math.cos(angle * s), math.sin(angle * s)
+    out = cosine * along + sine * across
+    return center + out + s * turning, angle * (cosine * across - sine * along) + turning, -(angle**2) * out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from phcontrol._validation import Array
@@ -30,9 +32,9 @@ class FrameLine(CurvedPath):
         first, still = pose("origin", origin)
         last, final = pose("goal", goal)
         turned, angle = turn_of(still, final)
-        begin, way, none = np.append(first, 0.0), np.append(last - first, angle), np.zeros(4)
-
-        def line(s: float) -> tuple[Array, Array, Array]:
-            return begin + s * way, way, none
-
+        line = partial(_line, np.append(first, 0.0), np.append(last - first, angle))
         super().__init__(frame, line, *rest_to_rest(travel_time, start), turned)
+
+
+def _line(begin: Array, way: Array, s: float) -> tuple[Array, Array, Array]:
+    return begin + s * way, way, np.zeros(4)

@@ -51,6 +51,13 @@ class FramePath(Protocol):
         ...
 
 
+def frame_name(value: str) -> str:
+    """Return the name of a frame; whether there is one of that name the robot says."""
+    if not isinstance(value, str) or not value:
+        raise InvalidArgumentError("frame", f"must be the name of a frame, but is {value!r}")
+    return value
+
+
 def check_frame_path(name: str, value: FramePath, robot: Robot | None = None) -> FramePath:
     """Return ``value`` when it is the path of a frame, with finite values and a rotation at its start and end.
 

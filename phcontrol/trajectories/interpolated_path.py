@@ -7,9 +7,9 @@ import pinocchio as pin
 
 from phcontrol._validation import Array
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.trajectories.curved_path import NO_TURN, frame_name
-from phcontrol.trajectories.frame_path import FrameReference
+from phcontrol.trajectories.frame_path import FrameReference, frame_name
 from phcontrol.trajectories.piecewise import PiecewisePolynomial
+from phcontrol.trajectories.pose import HALF_TURN_MARGIN
 
 _SHORTEST = 0.5
 """How near to zero a quaternion's polynomial may come; the rotation turns fast where it is short."""
@@ -61,7 +61,7 @@ class InterpolatedPath:
 
     def _check_length(self) -> None:
         """Raise InvalidArgumentError where c comes so near to zero that the rotation between would be wild."""
-        for t in np.linspace(self.motion.start, self.motion.end, 20 * self.motion.pieces + 1):
+        for t in np.linspace(self.motion.start, self.motion.end, 20 * self.motion.pieces + 400):
             if np.linalg.norm(self.motion.at(float(t)).position[3:]) < _SHORTEST:
                 raise InvalidArgumentError(
                     "rotations", f"turn too far between two poses near {t:.3g} s: put some between, or take more time"
@@ -76,7 +76,7 @@ def quaternions(name: str, rotations: list[Array]) -> Array:
     result = np.array([pin.Quaternion(np.array(turn)).coeffs() for turn in rotations])
     for k in range(1, len(result)):
         cosine = float(result[k - 1].dot(result[k]))  # of half the angle
-        if abs(cosine) < np.sin(0.5 * NO_TURN):
+        if abs(cosine) < np.sin(0.5 * HALF_TURN_MARGIN):
             raise InvalidArgumentError(
                 name, f"must not be half a turn apart, as number {k - 1} and {k} are: which way round is not clear"
             )

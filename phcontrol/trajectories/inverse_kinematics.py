@@ -118,7 +118,7 @@ def follow(
 
 
 def _pose(target: Pose) -> tuple[pin.SE3, bool]:
-    """Return a pose, and whether its orientation is wished for."""
+    """Return a pose, and whether its orientation is desired too."""
     position, turn = pose("target", target)
     return pin.SE3(np.eye(3) if turn is None else np.array(turn), np.array(position)), turn is not None
 

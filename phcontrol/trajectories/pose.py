@@ -16,6 +16,9 @@ Pose: TypeAlias = pin.SE3 | ArrayLike | tuple[ArrayLike, ArrayLike]
 
 _FORMS = "must be a point (3,), a pin.SE3, a 4 × 4 matrix or a pair of a point and a rotation matrix"
 
+HALF_TURN_MARGIN = 1e-3
+"""How near to half a turn the way round is not clear [rad]."""
+
 
 def pose(name: str, value: Pose) -> tuple[Array, Array | None]:
     """Return a point, shape (3,) [m], and a rotation matrix, shape (3, 3), or None where the orientation is free."""
@@ -52,3 +55,18 @@ def direction(name: str, value: ArrayLike) -> Array:
         raise InvalidArgumentError(name, f"must be a direction of three numbers, not all zero, but is {array}")
     result: Array = array / length
     return result
+
+
+def shortest_turn(name: str, origin: Array, goal: Array) -> tuple[Array, float]:
+    """Return the axis in the world and the angle of the shortest turn from one orientation to another [rad]."""
+    between = rotation(name, goal @ origin.T)
+    sine_axis = 0.5 * np.array(
+        [between[2, 1] - between[1, 2], between[0, 2] - between[2, 0], between[1, 0] - between[0, 1]]
+    )
+    sine = float(np.linalg.norm(sine_axis))
+    angle = float(np.arctan2(sine, 0.5 * (np.trace(between) - 1.0)))
+    if np.pi - angle < HALF_TURN_MARGIN:
+        raise InvalidArgumentError(
+            name, "is half a turn from the orientation before it, and which way round is not clear: put one between"
+        )
+    return (sine_axis / sine if sine > 0.0 else np.array([0.0, 0.0, 1.0])), angle
