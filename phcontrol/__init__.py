@@ -48,6 +48,13 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.runtime.arm_driver import ArmDriver, Reading, drive
+from phcontrol.runtime.control_box import ControlBox
+from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.loop_mode import LoopMode
+from phcontrol.runtime.packet_faults import PacketFaults
+from phcontrol.runtime.simulated_arm import SimulatedArm
+from phcontrol.runtime.udp_arm import UdpArm
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.storage_condition import StorageCondition
@@ -56,17 +63,10 @@ from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
-from phcontrol.simulation.arm_driver import ArmDriver, Reading, drive
 from phcontrol.simulation.closed_loop import simulate
-from phcontrol.simulation.control_box import ControlBox
-from phcontrol.simulation.control_loop import ControlLoop
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
-from phcontrol.simulation.loop_mode import LoopMode
-from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.power_balance import PowerBalance
-from phcontrol.simulation.simulated_arm import SimulatedArm
-from phcontrol.simulation.udp_arm import UdpArm
 from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk

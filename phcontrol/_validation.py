@@ -44,6 +44,26 @@ def finite_array(name: str, value: ArrayLike) -> Array:
     return array
 
 
+def real_array(value: Any, shape: tuple[int, ...], *, finite: bool = True) -> Array | None:
+    """Return a read-only float64 copy of real numbers of a shape, or None for anything else; never raises.
+
+    Nothing is converted that would change its meaning: no booleans, complex numbers, texts or objects, and no scalar
+    where a vector is expected. Without ``finite`` NaN passes (an object that is not seen), infinity never does.
+    """
+    try:
+        raw = value if type(value) is np.ndarray else np.asarray(value)
+        if raw.dtype.kind not in "fiu" or raw.shape != shape:
+            return None
+        array: Array = np.array(raw, dtype=np.float64)
+        # NaN or infinity in it makes the product so, as numbers beyond 1e154 do
+        if not math.isfinite(array.dot(array)) and (~np.isfinite(array) if finite else np.isinf(array)).any():
+            return None
+    except Exception:  # whatever a foreign object raises when it is asked for its numbers
+        return None
+    array.flags.writeable = False
+    return array
+
+
 def vector(name: str, value: ArrayLike, size: int) -> Array:
     """Return ``value`` as a finite read-only vector of length ``size``."""
     array = finite_array(name, value)

@@ -29,18 +29,18 @@ from phcontrol.exceptions import (
     SimulationError,
     SimulationInterrupted,
 )
-from phcontrol.experiments.certificate_survey import SurveyRow, every_arm, markdown, survey
-from phcontrol.experiments.position import PositionRun, run_position
-from phcontrol.experiments.registry import STUDIES, run_study
-from phcontrol.experiments.servo import run_servo
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.robot import Robot, check_joint_names
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.runs.certificate_survey import SurveyRow, every_arm, markdown, survey
+from phcontrol.runs.position import PositionRun, run_position
+from phcontrol.runs.servo import run_servo
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.thesis.registry import STUDIES, run_study
 from phcontrol.trajectories import inverse_kinematics
 from phcontrol.trajectories.files import read_trajectory
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
@@ -485,7 +485,7 @@ def reproduce_command(
     jobs: Annotated[int | None, typer.Option(help="Processes at a time. Default: one a processor.")] = None,
 ) -> None:
     """Reproduce the thesis: every study and certificate, into one page. Goes on where it was stopped."""
-    from phcontrol.experiments.reproduce import reproduce
+    from phcontrol.thesis.reproduce import reproduce
 
     _check_writable(out)
     try:

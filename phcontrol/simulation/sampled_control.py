@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, positive, real_array
 from phcontrol.controllers.controller import Command, Controller, PassivePort
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.measured import Measured
-from phcontrol.simulation.signal_border import real_array
 
 
 class SampledControl:

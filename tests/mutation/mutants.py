@@ -49,8 +49,8 @@ from mutation_source import (
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = (
-    "analysis", "cli", "controllers", "environments", "experiments", "mechanics", "safety", "sensors", "simulation",
-    "top", "trajectories", "vision", "visualization",
+    "analysis", "cli", "controllers", "environments", "mechanics", "runs", "runtime", "safety", "sensors", "simulation",
+    "thesis", "top", "trajectories", "vision", "visualization",
 )  # fmt: skip
 MAP = ROOT / "results" / "mutation" / "map.json"
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
