@@ -64,7 +64,7 @@ class PassivePort(NamedTuple):
         matrix = x.system.input_matrix
         output = velocity if matrix is None else matrix.T.dot(velocity)
         power = further_losses + velocity.dot(injected)
-        if sliding is not None and x.damping is not None:
+        if sliding is not None and x.system.friction is not None:
             friction = x.damping * sliding
             power, injected = power + sliding.dot(friction), injected + friction
         return cls(output, float(power), injected)
@@ -341,9 +341,8 @@ class Controller(ABC):
             force += x.factor.dot(s.dot(x.factor_rate) - x.canonical_interconnection.dot(momentum))
         else:
             force += x.coriolis_matrix.dot(s)
-        damping = x.damping
-        if damping is not None:
-            force += damping * s
+        if x.system.friction is not None:
+            force += x.damping * s
         return force
 
     def _measurement(self, measured: Measured, name: str) -> Array:
@@ -400,7 +399,5 @@ def inertia_scaled_gains(system: MechanicalSystem, goal: Array, frequency: float
     """
     x = system.at(goal)
     inertia = np.diag(x.mass_matrix)
-    stiffness = frequency**2 * inertia
-    if x.damping is not None:
-        stiffness = np.maximum(stiffness, 0.8 * x.damping)
+    stiffness = np.maximum(frequency**2 * inertia, 0.8 * x.damping)
     return stiffness, 2.0 * np.sqrt(stiffness * inertia)

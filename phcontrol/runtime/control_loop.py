@@ -209,7 +209,7 @@ class ControlLoop:
         n = self.system.n
         q, v = self._reading.value[:n], self._reading.value[n:]
         x = self._sampled.controller.system.at(q, v)
-        gravity = real_array((x if x.system is self.system else self.system.at(q, v)).potential_gradient, q.shape)
+        gravity = real_array(x.seen_by(self.system).potential_gradient, q.shape)
         if gravity is not None:
             self._gravity = gravity
         return self._torque(x, self._measured.seen(self.stale_after), stale)

@@ -243,7 +243,7 @@ class TorqueFilter:
         response = dry = self._zero
         if self._dry is not None:
             response = self._response(factor, self._identity)
-            dry = self._dry.expected(x.velocity, x.damping, response)  # type: ignore[arg-type]  # there is friction
+            dry = self._dry.expected(x.velocity, x.damping, response)
             force += dry
         np.negative(force, out=force)
         if external_force is not None:

@@ -38,7 +38,6 @@ class SampledControl:
         self.controller, self.period, self.torque_limit, self.filter = controller, period, torque_limit, torque_filter
         if torque_filter is not None:
             check_filter(torque_filter, controller, period)
-        self._same_model = torque_filter is not None and torque_filter.system is controller.system
         self._held_rate: Array | None = None
         self.wished = np.zeros(controller.system.n)
         """The law's own torque in the last period [N·m]."""
@@ -84,8 +83,7 @@ class SampledControl:
     def limited(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None = None) -> Array:
         """Return a torque after filter and limits [N·m], which is remembered as the last one."""
         if self.filter is not None:
-            view = x if self._same_model else self.filter.system.state_type(self.filter.system, x.position, x.velocity)
-            force = measured.external_force
+            view, force = x.seen_by(self.filter.system), measured.external_force
             self.filtered = self.filter.filter(view, torque, previous=self.torque, external_force=force, port=port)
             torque = self.filtered.torque
         limit = self.torque_limit

@@ -51,7 +51,7 @@ class Filter:
 
 def sampled(law, **options):
     control = SampledControl(law, PERIOD, **options)
-    return control, SimpleNamespace(system=Law.system, position=np.zeros(2), velocity=np.zeros(2))
+    return control, SimpleNamespace(system=Law.system, seen_by=lambda system: None)
 
 
 def test_a_laws_state_goes_on_by_its_rate_once_a_period():
@@ -79,7 +79,7 @@ def test_a_torque_is_clipped_to_its_limits_on_both_sides_and_remembered():
 def test_the_filter_is_given_the_last_torque_and_is_clipped_after():
     law = Law()
     control, x = sampled(law, torque_limit=np.array([1.0, 2.0]))
-    control.filter, control._same_model = Filter(), True
+    control.filter = Filter()
     law.torque = np.array([1.0, 8.0])
     np.testing.assert_array_equal(control.step(0.0, x, np.zeros(0), NOTHING), [0.5, 2.0])
     control.filter.storage = True
@@ -97,7 +97,7 @@ def test_energy_that_the_filter_had_to_give_is_taken_out_of_the_laws_state(share
     law, state = Law(), np.array([3.0, 0.5])
     available = law.storage(0.0, None, state)
     control, x = sampled(law)
-    control.filter, control._same_model = Filter(share * available / (2.0 * PERIOD)), True
+    control.filter = Filter(share * available / (2.0 * PERIOD))
     control.step(0.0, x, state, NOTHING)
     left = law.storage(0.0, x, control.advance(state))
     assert left == pytest.approx(available * (1.0 - min(1.0, share)), abs=1e-12)
