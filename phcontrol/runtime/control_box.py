@@ -10,7 +10,9 @@ from phcontrol.environments.disturbances import Disturbance
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runtime.arm_driver import Reading
 from phcontrol.runtime.number_window import NumberWindow
+from phcontrol.safety.clipping import clipped
 from phcontrol.sensors.measured import Measured
+from phcontrol.simulation.integrators import runge_kutta_step
 
 
 class ControlBox:
@@ -65,7 +67,7 @@ class ControlBox:
             self.counts["refused"] += 1
             return False
         limit = self.system.robot.effort_limit
-        self._torque = np.minimum(np.maximum(finite, -limit), limit)
+        self._torque = clipped(finite, -limit, limit)
         self._accepted_at, self._silence = self._steps, 0.0
         self.counts["accepted"] += 1
         return True
@@ -76,11 +78,7 @@ class ControlBox:
         self._silence += h
         braking = self._silence > self.patience
         self.counts["braking"] += braking
-        k1 = self._rate(t, y, braking)
-        k2 = self._rate(t + 0.5 * h, y + 0.5 * h * k1, braking)
-        k3 = self._rate(t + 0.5 * h, y + 0.5 * h * k2, braking)
-        k4 = self._rate(t + h, y + h * k3, braking)
-        self._state = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        self._state = runge_kutta_step(lambda t, y: self._rate(t, y, braking), t, y, h, self._rate(t, y, braking))
         self._steps += 1
 
     def reading(self) -> Reading:
@@ -98,6 +96,6 @@ class ControlBox:
         if braking:
             torque = system.motor_torque(x.potential_gradient - self._damping * x.velocity)
             limit = system.robot.effort_limit
-            torque = np.minimum(np.maximum(torque, -limit), limit)
+            torque = clipped(torque, -limit, limit)
         force = None if self._disturbance is None else self._disturbance(t, x)
         return np.concatenate((x.velocity, x.acceleration(torque, force)))

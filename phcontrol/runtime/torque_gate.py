@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array, real_array
+from phcontrol.safety.clipping import clipped
 
 
 class TorqueGate:
@@ -32,7 +33,7 @@ class TorqueGate:
         low, high = -self._effort, self._effort
         if self.previous is not None:
             low, high = np.maximum(self.previous - self._step, low), np.minimum(self.previous + self._step, high)
-        leaving: Array = np.minimum(np.maximum(array, low), high)
+        leaving = clipped(array, low, high)
         leaving.flags.writeable = False
         self.previous = leaving
         return leaving

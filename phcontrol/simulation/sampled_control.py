@@ -10,6 +10,7 @@ from phcontrol._validation import Array, positive, real_array
 from phcontrol.controllers.controller import Command, Controller, PassivePort
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.safety.clipping import clipped
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.measured import Measured
 
@@ -39,7 +40,7 @@ class SampledControl:
         if torque_filter is not None:
             check_filter(torque_filter, controller, period)
         self._held_rate: Array | None = None
-        self.wished = np.zeros(controller.system.n)
+        self.desired = np.zeros(controller.system.n)
         """The law's own torque in the last period [N·m]."""
         self.torque: Array | None = None
         """The torque of the last period [N·m]; None before the first."""
@@ -70,11 +71,11 @@ class SampledControl:
 
     def step(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Array:
         """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
-        self.wished, self._held_rate = self.command(t, x, state, measured)
+        self.desired, self._held_rate = self.command(t, x, state, measured)
         if self.filter is None:
-            return self.limited(x, self.wished, measured)
+            return self.limited(x, self.desired, measured)
         port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
-        torque = self.limited(x, self.wished, measured, port)
+        torque = self.limited(x, self.desired, measured, port)
         if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
             # twice: what the state does about it comes a period late
             self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
@@ -88,7 +89,7 @@ class SampledControl:
             torque = self.filtered.torque
         limit = self.torque_limit
         if limit is not None:
-            torque = np.maximum(np.minimum(torque, limit), -limit)
+            torque = clipped(torque, -limit, limit)
         self.torque = torque
         return torque
 
