@@ -36,10 +36,7 @@ from phcontrol.exceptions import (
     PHControlError,
     RobotDescriptionError,
     RobotDescriptionWarning,
-    SimulationError,
-    SimulationInterrupted,
     UnknownNameError,
-    UnreachableTargetError,
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
@@ -67,7 +64,8 @@ from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.power_balance import PowerBalance
-from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
+from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
+from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 from phcontrol.trajectories.sinusoid import Sinusoid

@@ -30,9 +30,8 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     MissingMeasurementError,
     UnknownNameError,
-    UnreachableTargetError,
 )
-from phcontrol.trajectories.inverse_kinematics import Posture
+from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError
 
 
 @pytest.mark.parametrize("value", [3, 2.5, True, [1, 2], (1.0, 2.0), np.array([[1, 2]], dtype=np.uint8), np.float32(2)])

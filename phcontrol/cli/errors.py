@@ -8,7 +8,8 @@ from typing import ParamSpec, TypeVar
 
 import typer
 
-from phcontrol.exceptions import PHControlError, SimulationInterrupted
+from phcontrol.exceptions import PHControlError
+from phcontrol.simulation.simulation_error import SimulationInterrupted
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")

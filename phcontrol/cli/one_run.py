@@ -9,9 +9,9 @@ from typing import Any
 import typer
 
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
-from phcontrol.exceptions import SimulationError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.position import PositionRun, run_position
+from phcontrol.simulation.simulation_error import SimulationError
 
 
 def run_and_write(

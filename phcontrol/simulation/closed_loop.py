@@ -21,8 +21,6 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     ObjectLostError,
     PHControlError,
-    SimulationError,
-    SimulationInterrupted,
 )
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -32,6 +30,7 @@ from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.sampled_control import SampledControl, check_filter
+from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
 
