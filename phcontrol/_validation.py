@@ -116,6 +116,30 @@ def gain(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
+def is_rotation(matrix: Array, tolerance: float = 1e-9) -> bool:
+    """Return whether a (3, 3) matrix is orthogonal to within a tolerance, and turns without reflecting."""
+    return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= tolerance and np.linalg.det(matrix) > 0.0)
+
+
+def rotation(name: str, value: ArrayLike) -> Array:
+    """Return ``value`` as a finite read-only rotation matrix, shape (3, 3)."""
+    array = finite_array(name, value)
+    if array.shape != (3, 3):
+        raise InvalidArgumentError(name, f"must be a rotation matrix of shape (3, 3), but has shape {array.shape}")
+    if not is_rotation(array):
+        raise InvalidArgumentError(
+            name, f"must be a rotation matrix of shape (3, 3), R Rᵀ = 1 and det R = 1, but is {array.tolist()}"
+        )
+    return array
+
+
+def flag(name: str, value: bool) -> bool:
+    """Return ``value`` when it is True or False: not what only counts as one of them."""
+    if not isinstance(value, bool):
+        raise InvalidArgumentError(name, f"must be True or False, but is {value!r}")
+    return value
+
+
 def number(
     name: str, value: float, *, minimum: float = -math.inf, exclusive: bool = False, maximum: float = math.inf
 ) -> float:

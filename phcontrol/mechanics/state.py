@@ -378,7 +378,12 @@ class MechanicalState:
         """Return 𝒥 and 𝒥̇ along q̇ in one pass, shape (6, n) each."""
         system = self.system
         return derivatives.frame_jacobian_and_rate(
-            system.model, system.data, self.position, self.velocity, system.frame_id(frame), REFERENCES[reference]
+            system.model,
+            system.data,
+            self.position,
+            self.velocity,
+            system.frame_id(frame),
+            frame_of_reference(reference),
         )
 
     def frame_jacobian_derivative(self, frame: str, reference: str) -> Array:
@@ -391,4 +396,7 @@ class MechanicalState:
 
 def frame_of_reference(name: str) -> pin.ReferenceFrame:
     """Return Pinocchio's frame of reference by name. Raises UnknownNameError, listing the names."""
-    return REFERENCES[choice("frame of reference", name, REFERENCES)]
+    try:
+        return REFERENCES[name]
+    except (KeyError, TypeError):
+        return REFERENCES[choice("frame of reference", name, REFERENCES)]

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, flag, positive
 from phcontrol.runtime.control_loop import ControlLoop
 from phcontrol.sensors.measured import NOTHING, Measured
 
@@ -57,6 +57,7 @@ def drive(
             which the loop's ``clock`` must then show.
         each_step: called with time, reading and torque, for logging.
     """
+    flag("paced", paced)
     start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
     last: Reading | None = None
     while k < steps:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from phcontrol._validation import Array, gain, positive
+from phcontrol._validation import Array, flag, gain, positive
 from phcontrol.controllers.controller import PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -150,9 +150,7 @@ class TorqueFilter:
         self.limits = Limits(system) if limits is None else limits
         if not isinstance(self.limits, Limits) or self.limits.effort.size != system.n:
             raise InvalidArgumentError("limits", f"must be Limits made for this system of {system.n} joints")
-        if not isinstance(storage, bool):
-            raise InvalidArgumentError("storage", f"must be True or False, but is {storage!r}")
-        self.storage = storage
+        self.storage = flag("storage", storage)
         n = system.n
         effort = self.limits.effort
         bounded = np.isfinite(effort)

@@ -18,7 +18,7 @@ import scipy
 from tqdm import tqdm
 
 from phcontrol._files import write_json, write_text
-from phcontrol._validation import choice, count
+from phcontrol._validation import choice, count, flag
 from phcontrol._version import __version__
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
@@ -128,7 +128,7 @@ def reproduce(
     wanted.sort(key=task_names().index)
     workers = os.cpu_count() or 1 if jobs is None else count("jobs", jobs)
     take(folder, "report", own=(REPORT, CLAIMS))
-    kept = [] if fresh else [name for name in wanted if _finished(folder / name)]
+    kept = [] if flag("fresh", fresh) else [name for name in wanted if _finished(folder / name)]
     due = [name for name in wanted if name not in kept]
     for name in due:
         clear(folder / name, name)

@@ -24,11 +24,11 @@ def read_trajectory(path: str | os.PathLike[str], robot: Robot, *, smoothing: fl
         robot: whose joints they are.
         smoothing: as in :class:`SampledTrajectory`.
     """
-    if Path(path).exists() and not Path(path).is_file():
-        raise DataFileError(f"cannot read the trajectory {path}: it is a folder, or a pipe or device without an end")
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise OSError("it is a folder, or a pipe or device without an end")
         text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets begin a file with a byte-order mark
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # bytes that are no text, a path that can be none
         raise DataFileError(f"cannot read the trajectory {path}: {error}") from error
     lines = [line.split(",") for line in text.splitlines() if line.strip()]
     names = ["time", *robot.joint_names]

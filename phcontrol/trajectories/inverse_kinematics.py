@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-from phcontrol._validation import Array, count, finite_array, positive, vector
+from phcontrol._validation import Array, count, finite_array, is_rotation, positive, vector
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.trajectories.splines import QuinticSpline
@@ -133,7 +133,7 @@ def _pose(target: pin.SE3 | ArrayLike) -> tuple[pin.SE3, bool]:
     if array.shape == (3,):
         return pin.SE3(np.eye(3), np.array(array)), False
     rotation = array[:3, :3] if array.shape == (4, 4) else None
-    if rotation is None or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0.0:
+    if rotation is None or not is_rotation(rotation, 1e-6):
         raise InvalidArgumentError(
             "target", f"must be a point (3,), a pin.SE3 or a 4 × 4 matrix with a rotation, but has shape {array.shape}"
         )

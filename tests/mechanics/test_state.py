@@ -249,3 +249,15 @@ def test_the_view_of_an_arm_with_mimic_joints_has_them_too():
     view = system.at(position, velocity).seen_by(twin)
     assert type(view) is type(system.at(position))
     np.testing.assert_array_equal(view.coriolis_matrix, twin.at(position, velocity).coriolis_matrix)
+
+
+def test_an_unknown_frame_of_reference_lists_those_there_are(system):
+    x = system.at(system.robot.home)
+    frame = system.robot.frame_names[-1]
+    methods = (x.frame_jacobian, x.frame_jacobian_rate, x.frame_jacobian_and_rate, x.frame_jacobian_derivative)
+    for method in methods:
+        for wrong in ("lokal", None, ["local"]):
+            with pytest.raises(
+                UnknownNameError, match=r"unknown frame of reference .*Known: local, local_world_aligned, world"
+            ):
+                method(frame, wrong)
