@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from phcontrol import ControlLoop, Limits, MechanicalSystem, TorqueFilter, UdpArm, drive, load_robot, make_controller
-from phcontrol.simulation.arm_driver import wait_until
-from phcontrol.simulation.timing import TimingRecorder
+from phcontrol.runtime.arm_driver import wait_until
+from phcontrol.runtime.timing import TimingRecorder
 
 PERIOD = 1e-3
 GOAL = [-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2]

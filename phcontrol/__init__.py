@@ -40,10 +40,7 @@ from phcontrol.exceptions import (
     PHControlError,
     RobotDescriptionError,
     RobotDescriptionWarning,
-    SimulationError,
-    SimulationInterrupted,
     UnknownNameError,
-    UnreachableTargetError,
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
@@ -62,6 +59,13 @@ from phcontrol.potentials.point_force import PointForce
 from phcontrol.potentials.position_potential import PositionPotential
 from phcontrol.potentials.potential import Potential
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
+from phcontrol.runtime.arm_driver import ArmDriver, Reading, drive
+from phcontrol.runtime.control_box import ControlBox
+from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.loop_mode import LoopMode
+from phcontrol.runtime.packet_faults import PacketFaults
+from phcontrol.runtime.simulated_arm import SimulatedArm
+from phcontrol.runtime.udp_arm import UdpArm
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.storage_condition import StorageCondition
@@ -70,24 +74,18 @@ from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
-from phcontrol.simulation.arm_driver import ArmDriver, Reading, drive
 from phcontrol.simulation.closed_loop import simulate
-from phcontrol.simulation.control_box import ControlBox
-from phcontrol.simulation.control_loop import ControlLoop
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
-from phcontrol.simulation.loop_mode import LoopMode
-from phcontrol.simulation.packet_faults import PacketFaults
 from phcontrol.simulation.power_balance import PowerBalance
-from phcontrol.simulation.simulated_arm import SimulatedArm
-from phcontrol.simulation.udp_arm import UdpArm
+from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 from phcontrol.trajectories.figure_of_eight import FigureOfEight
 from phcontrol.trajectories.files import read_frame_path
 from phcontrol.trajectories.frame_arc import FrameArc
 from phcontrol.trajectories.frame_line import FrameLine
 from phcontrol.trajectories.frame_path import FramePath, FrameReference
 from phcontrol.trajectories.frame_spline import FrameSpline
-from phcontrol.trajectories.inverse_kinematics import Posture, follow, reach
+from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError, follow, reach
 from phcontrol.trajectories.limits import LimitReport, check_limits
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 from phcontrol.trajectories.path_limits import within_limits

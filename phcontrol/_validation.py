@@ -44,6 +44,26 @@ def finite_array(name: str, value: ArrayLike) -> Array:
     return array
 
 
+def real_array(value: Any, shape: tuple[int, ...], *, finite: bool = True) -> Array | None:
+    """Return a read-only float64 copy of real numbers of a shape, or None for anything else; never raises.
+
+    Nothing is converted that would change its meaning: no booleans, complex numbers, texts or objects, and no scalar
+    where a vector is expected. Without ``finite`` NaN passes (an object that is not seen), infinity never does.
+    """
+    try:
+        raw = value if type(value) is np.ndarray else np.asarray(value)
+        if raw.dtype.kind not in "fiu" or raw.shape != shape:
+            return None
+        array: Array = np.array(raw, dtype=np.float64)
+        # NaN or infinity in it makes the product so, as numbers beyond 1e154 do
+        if not math.isfinite(array.dot(array)) and (~np.isfinite(array) if finite else np.isinf(array)).any():
+            return None
+    except Exception:  # whatever a foreign object raises when it is asked for its numbers
+        return None
+    array.flags.writeable = False
+    return array
+
+
 def vector(name: str, value: ArrayLike, size: int) -> Array:
     """Return ``value`` as a finite read-only vector of length ``size``."""
     array = finite_array(name, value)
@@ -96,16 +116,20 @@ def gain(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
+def is_rotation(matrix: Array, tolerance: float = 1e-6) -> bool:
+    """Return whether a (3, 3) matrix is orthogonal to within a tolerance, and turns without reflecting."""
+    return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= tolerance and np.linalg.det(matrix) > 0.0)
+
+
 def rotation(name: str, value: ArrayLike) -> Array:
-    """Return ``value`` as a read-only (3, 3) rotation: orthonormal to 1e-6 (six digits of a file), determinant +1."""
+    """Return ``value`` as a finite read-only rotation matrix, shape (3, 3)."""
     array = finite_array(name, value)
     if array.shape != (3, 3):
-        raise InvalidArgumentError(name, f"must be a (3, 3) rotation, but has shape {array.shape}")
-    defect = float(np.abs(array @ array.T - np.eye(3)).max())
-    if defect > 1e-6:
-        raise InvalidArgumentError(name, f"must be a rotation, but R Rᵀ differs from 1 by {defect:.2g}")
-    if np.linalg.det(array) < 0.0:
-        raise InvalidArgumentError(name, "must be a rotation, but mirrors (its determinant is -1)")
+        raise InvalidArgumentError(name, f"must be a rotation matrix of shape (3, 3), but has shape {array.shape}")
+    if not is_rotation(array):
+        raise InvalidArgumentError(
+            name, f"must be a rotation matrix of shape (3, 3), R Rᵀ = 1 and det R = 1, but is {array.tolist()}"
+        )
     return array
 
 

@@ -1,14 +1,14 @@
-"""The errors of phcontrol: one root, a few children, each with the evidence it was raised on."""
+"""The errors of phcontrol: one root, a few children, each with the evidence it was raised on.
+
+Those that carry more than names and numbers stand beside what they carry: ``SimulationError`` and its log,
+``UnreachableTargetError`` and its posture.
+"""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from phcontrol.simulation.log import Log
-    from phcontrol.trajectories.inverse_kinematics import Posture
+from typing import Any
 
 
 class PHControlError(Exception):
@@ -80,27 +80,6 @@ class ObjectLostError(PHControlError):
             f"{controller} lost its object at t = {time:g} s: {problem}. With lost='hold' the arm would stop and wait"
         )
         self.controller, self.time, self.features = controller, time, features
-
-
-class SimulationError(PHControlError):
-    """A simulation could not go on. ``log`` holds everything up to the last good step."""
-
-    def __init__(self, message: str, log: Log) -> None:
-        super().__init__(message)
-        self.log = log
-
-
-class SimulationInterrupted(SimulationError, KeyboardInterrupt):  # noqa: N818 - it is no error
-    """The user stopped a simulation. ``log`` holds everything up to that moment."""
-
-
-class UnreachableTargetError(PHControlError):
-    """No joint position inside the limits puts a frame at its target. ``nearest`` is the nearest posture found."""
-
-    def __init__(self, frame: str, robot: str, which: str, nearest: Posture) -> None:
-        away = f"{nearest.distance:.3g} m" + (f" and {nearest.angle:.3g} rad" if nearest.angle else "")
-        super().__init__(f"frame '{frame}' of {robot} does not reach its target{which}: it stays {away} away")
-        self.nearest = nearest
 
 
 class DataFileError(PHControlError):

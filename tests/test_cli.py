@@ -148,7 +148,7 @@ def test_run_track_takes_a_motion_from_a_file(tmp_path):
 
 def test_certificates_of_every_arm(monkeypatch):
     """The table of --robot all, on a few arms; one whose description is broken says why it is refused."""
-    monkeypatch.setattr("phcontrol.cli.every_arm", lambda: ["pera_shoulder", "tiago_pro", "bravo7_gripper"])
+    monkeypatch.setattr("phcontrol.cli.certify.every_arm", lambda: ["pera_shoulder", "tiago_pro", "bravo7_gripper"])
     result = run("certify", "--robot", "all", "--controller", "tracking", "--samples", "2")
     assert result.exit_code == 0, result.output
     lines = result.output.splitlines()

@@ -16,11 +16,13 @@ from phcontrol._validation import (
     choice,
     count,
     finite_array,
+    flag,
     gain,
     matrix,
     number,
     per_joint,
     positive,
+    rotation,
     sequence,
     vector,
     whole_multiple,
@@ -30,9 +32,8 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     MissingMeasurementError,
     UnknownNameError,
-    UnreachableTargetError,
 )
-from phcontrol.trajectories.inverse_kinematics import Posture
+from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError
 
 
 @pytest.mark.parametrize("value", [3, 2.5, True, [1, 2], (1.0, 2.0), np.array([[1, 2]], dtype=np.uint8), np.float32(2)])
@@ -210,3 +211,21 @@ def test_errors_say_what_would_be_right():
         error = UnreachableTargetError("hand", "arm", " number 2", Posture(np.zeros(1), 0.1, angle))
         assert str(error).startswith("frame 'hand' of arm does not reach its target number 2: it ")
         assert str(error).endswith(away)
+
+
+def test_rotations_are_orthogonal_and_do_not_reflect():
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(rotation("r", turn), turn)
+    assert not rotation("r", turn.tolist()).flags.writeable
+    rotation("r", turn + 4e-10)
+    for wrong in (turn + 2e-9, (1.0 + 1e-9) * turn, -turn, np.zeros((3, 3)), turn[:2]):
+        with pytest.raises(InvalidArgumentError, match="r: must be a rotation matrix"):
+            rotation("r", wrong)
+
+
+def test_a_flag_is_true_or_false_and_nothing_that_only_counts_as_it():
+    assert flag("f", True) is True
+    assert flag("f", False) is False
+    for wrong in (1, 0, "no", None, [], np.True_):
+        with pytest.raises(InvalidArgumentError, match="f: must be True or False, but is"):
+            flag("f", wrong)

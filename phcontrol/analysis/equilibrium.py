@@ -101,7 +101,7 @@ def _rest_condition(controller: Controller, system: MechanicalSystem, force: Arr
     def rates(unknown: Array) -> Array:
         position, state = unknown[: system.n], unknown[system.n :]
         plant = system.at(position)
-        view = plant if controller.system is system else controller.system.at(position)
+        view = plant.seen_by(controller.system)
         measured = measure_truly(plant, force, Measured._fields)
         command = controller.evaluate(0.0, view, state, measured)
         return np.concatenate([plant.acceleration(command.torque, force), command.state_rate])

@@ -130,7 +130,7 @@ class _Neighbourhood:
         """Return plant, the law's view of it, its state, what it measures, and the external force."""
         n, law = self._n, self._law
         x, force = self._plant.at(y[:n], y[n : 2 * n]), self._force(y[:n])
-        view = x if law.system is self._plant else law.system.at(y[:n], y[n : 2 * n])
+        view = x.seen_by(law.system)
         return x, view, y[2 * n :], measure_truly(x, force, law.needs, self._scene), force
 
     def _rate(self, y: Array) -> Array:

@@ -12,10 +12,11 @@ from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.state_sampler import SampledState
 from phcontrol.controllers.controller import Controller
-from phcontrol.exceptions import ObjectLostError, SimulationError
+from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.simulation_error import SimulationError
 from phcontrol.vision.scene import Scene
 
 STATES = 12

@@ -52,7 +52,7 @@ class ClassicalImpedance(RegulatedLaw):
         """State s = −q̇_ref, the effort D v_e − ∂Ψ/∂q − K_d v_e, and what is cancelled."""
         aim = self.aim_at_virtual_position(t, x, state)
         effort = -(aim.gradient + self.damping.dot(aim.velocity))
-        if x.damping is not None:
+        if x.system.friction is not None:
             effort += x.damping * aim.velocity
         force = self._measurement(measured, "external_force") if self.needs else None
         return Shaping(

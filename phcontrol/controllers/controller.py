@@ -305,9 +305,8 @@ class Controller(Declared, ABC):
             force += x.factor.dot(s.dot(x.factor_rate) - x.canonical_interconnection.dot(momentum))
         else:
             force += x.coriolis_matrix.dot(s)
-        damping = x.damping
-        if damping is not None:
-            force += damping * s
+        if x.system.friction is not None:
+            force += x.damping * s
         return force
 
     def _measurement(self, measured: Measured, name: str) -> Array:

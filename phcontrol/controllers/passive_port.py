@@ -39,7 +39,7 @@ class PassivePort(NamedTuple):
         matrix = x.system.input_matrix
         output = velocity if matrix is None else matrix.T.dot(velocity)
         power = further_losses + velocity.dot(injected)
-        if sliding is not None and x.damping is not None:
+        if sliding is not None and x.system.friction is not None:
             friction = x.damping * sliding
             power, injected = power + sliding.dot(friction), injected + friction
         return cls(output, float(power), injected)

@@ -36,9 +36,8 @@ class Tuning:
     @lazy
     def stiffness(self) -> Array:
         """K_p = max(ω²M_ii, 0.8 dᵢ(0)) [N·m/rad]: friction around rest leaves a time constant of about a second."""
-        stiffness = self.bandwidth**2 * self._inertia
-        damping = self._at.damping
-        return stiffness if damping is None else np.maximum(stiffness, 0.8 * damping)
+        stiffness: Array = np.maximum(self.bandwidth**2 * self._inertia, 0.8 * self._at.damping)
+        return stiffness
 
     @lazy
     def damping(self) -> Array:

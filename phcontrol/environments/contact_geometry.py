@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, number, vector
+from phcontrol._validation import rotation as check_rotation
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.state import MechanicalState
 
@@ -93,7 +94,8 @@ class SphereContact:
         self._sphere = coal.Sphere(self.radius)
         self._shape = _shape(shape, size)
         self._named = {"shape": shape, "size": None if size is None else np.asarray(size, dtype=float).tolist()}
-        self._place = coal.Transform3s(_rotation(rotation), np.array(vector("position", position, 3)))
+        turn: Array = np.eye(3) if rotation is None else check_rotation("rotation", rotation)
+        self._place = coal.Transform3s(np.array(turn), np.array(vector("position", position, 3)))
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -170,15 +172,6 @@ def _shape(shape: Any, size: ArrayLike | None) -> Any:
     if (edges <= 0.0).any():
         raise InvalidArgumentError("size", "edges must be > 0")
     return coal.Box(*edges.tolist())
-
-
-def _rotation(rotation: ArrayLike | None) -> Array:
-    if rotation is None:
-        return np.eye(3)
-    matrix = np.array(rotation, dtype=float)
-    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-9) or np.linalg.det(matrix) < 0:
-        raise InvalidArgumentError("rotation", "must be a rotation matrix of shape (3, 3)")
-    return matrix
 
 
 def effective_mass(x: MechanicalState, slope: Array) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
@@ -11,10 +9,7 @@ from scipy.linalg import lapack
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.mechanics import derivatives
-from phcontrol.mechanics.state import MechanicalState, frame_of_reference
-
-if TYPE_CHECKING:
-    from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.state import MechanicalState, Plant, frame_of_reference
 
 
 class CoupledMechanicalState(MechanicalState):
@@ -25,7 +20,7 @@ class CoupledMechanicalState(MechanicalState):
     with the passivity property and no articulated-body algorithm; they are not used.
     """
 
-    def __init__(self, system: MechanicalSystem, position: Array, velocity: Array) -> None:
+    def __init__(self, system: Plant, position: Array, velocity: Array) -> None:
         super().__init__(system, position, velocity)
         assert system.coupling is not None
         self._map: Array = system.coupling.matrix

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import derivatives, kernels
+from phcontrol.mechanics.friction import Friction
 from phcontrol.mechanics.pose import FrameKinematics
-from phcontrol.mechanics.robot import REFERENCES, wrapped
-
-if TYPE_CHECKING:
-    from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.potentials import Potential
+from phcontrol.mechanics.robot import REFERENCES, Coupling, Robot, wrapped
 
 INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
@@ -24,6 +24,30 @@ _crba, _coriolis, _gravity, _aba = pin.crba, pin.computeCoriolisMatrix, pin.comp
 _rnea, _nle = pin.rnea, pin.nonLinearEffects
 _factor, _solve, _solve_transposed = kernels.factor, kernels.solve, kernels.solve_transposed
 _transformed_rate = kernels.transformed_rate
+
+
+class Plant(Protocol):
+    """What a state knows of the :class:`MechanicalSystem` that made it."""
+
+    n: int
+    robot: Robot
+    friction: Friction | None
+    potentials: tuple[Potential, ...]
+    input_matrix: Array | None
+    model: pin.Model
+    weightless_model: pin.Model
+    data: pin.Data
+    coupling: Coupling | None
+    has_continuous_joints: bool
+    state_type: type[MechanicalState]
+
+    def at(self, position: ArrayLike, velocity: ArrayLike | None = None) -> MechanicalState:
+        """Return the state at q and q̇."""
+        ...
+
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's index of a frame."""
+        ...
 
 
 class MechanicalState:
@@ -37,7 +61,7 @@ class MechanicalState:
     state: do not write to them.
     """
 
-    def __init__(self, system: MechanicalSystem, position: Array, velocity: Array) -> None:
+    def __init__(self, system: Plant, position: Array, velocity: Array) -> None:
         self.system = system
         self.position = position
         """q, shape (n,) [rad]."""
@@ -46,6 +70,13 @@ class MechanicalState:
 
     def __repr__(self) -> str:
         return f"<MechanicalState of {self.system.robot.name}: q = {self.position}, q̇ = {self.velocity}>"
+
+    def seen_by(self, system: Plant) -> MechanicalState:
+        """Return the state of another system's model at the same q and q̇: how a law, or a filter, sees this one.
+
+        It is this very state where the system is the same, with all that was computed of it.
+        """
+        return self if system is self.system else system.state_type(system, self.position, self.velocity)
 
     # --- the original coordinates ---------------------------------------------------------------
 
@@ -89,15 +120,15 @@ class MechanicalState:
         return gradient
 
     @lazy
-    def damping(self) -> Array | None:
-        """Diagonal of D(q̇), shape (n,) [N·m·s/rad]; None without friction."""
+    def damping(self) -> Array:
+        """Diagonal of D(q̇), shape (n,) [N·m·s/rad]; zeros without friction (``system.friction is None``)."""
         friction = self.system.friction
-        return None if friction is None else friction.coefficients(self.velocity)
+        return np.zeros(self.system.n) if friction is None else friction.coefficients(self.velocity)
 
     @lazy
     def friction_torque(self) -> Array:
         """D(q̇)q̇, shape (n,) [N·m]: what friction takes."""
-        torque: Array = np.zeros(self.system.n) if self.damping is None else self.damping * self.velocity
+        torque: Array = self.damping * self.velocity
         return torque
 
     def injected_damping(self, damping: Array, velocity: Array) -> Array:
@@ -109,8 +140,7 @@ class MechanicalState:
     @lazy
     def damping_matrix(self) -> Array:
         """D(q̇), shape (n, n), diagonal [N·m·s/rad]."""
-        n = self.system.n
-        return np.zeros((n, n)) if self.damping is None else np.diag(self.damping)
+        return np.diag(self.damping)
 
     @lazy
     def momentum(self) -> Array:
@@ -193,7 +223,7 @@ class MechanicalState:
         mean *= 0.5
         force = self._newton_euler(mean, self.velocity - mean, acceleration)
         if self.system.friction is not None:
-            force += self.damping * velocity  # type: ignore[operator]  # None only without friction
+            force += self.damping * velocity
         for potential in self.system.potentials:
             force += potential.gradient(self.position)
         return force
@@ -282,7 +312,7 @@ class MechanicalState:
         """Return (J̄₂ − D̄)Tᵀs + T⁻¹f for a velocity s [rad/s], a form of J̄₂ and a force f [N·m], shape (n,)."""
         if force is None:
             force = np.zeros(self.system.n)
-        if self.damping is not None:
+        if self.system.friction is not None:
             force = force - self.damping * velocity
         if form == "coriolis":
             return _transformed_rate(self.factor, self.coriolis_matrix, velocity, force)
@@ -406,7 +436,12 @@ class MechanicalState:
         """Return 𝒥 and 𝒥̇ along q̇ in one pass, shape (6, n) each."""
         system = self.system
         return derivatives.frame_jacobian_and_rate(
-            system.model, system.data, self.position, self.velocity, system.frame_id(frame), REFERENCES[reference]
+            system.model,
+            system.data,
+            self.position,
+            self.velocity,
+            system.frame_id(frame),
+            frame_of_reference(reference),
         )
 
     def frame_jacobian_derivative(self, frame: str, reference: str) -> Array:
@@ -419,4 +454,7 @@ class MechanicalState:
 
 def frame_of_reference(name: str) -> pin.ReferenceFrame:
     """Return Pinocchio's frame of reference by name. Raises UnknownNameError, listing the names."""
-    return REFERENCES[choice("frame of reference", name, REFERENCES)]
+    try:
+        return REFERENCES[name]
+    except (KeyError, TypeError):
+        return REFERENCES[choice("frame of reference", name, REFERENCES)]

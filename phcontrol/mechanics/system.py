@@ -82,7 +82,7 @@ class MechanicalSystem:
         self.data: pin.Data = self.model.createData()
         self.coupling = robot.coupling
         self.has_continuous_joints = bool(robot.continuous.any())
-        self.state_type = MechanicalState if self.coupling is None else CoupledMechanicalState
+        self.state_type: type[MechanicalState] = MechanicalState if self.coupling is None else CoupledMechanicalState
         self._shape = (self.n,)
         self._frame_ids: dict[str, int] = {}
 

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from phcontrol._validation import Array, gain, positive
+from phcontrol._validation import Array, flag, gain, positive
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
+from phcontrol.safety.clipping import clipped
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.friction_prediction import ROOM, FrictionPrediction
 from phcontrol.safety.least_excess import LeastExcess
@@ -84,7 +85,7 @@ class _Box(NamedTuple):
 
     def torque(self, z: Array) -> Array:
         """Return the torque of z, exactly inside the box [N·m]."""
-        return np.minimum(np.maximum(self.centre + self.reach * z, self.low), self.high)
+        return clipped(self.centre + self.reach * z, self.low, self.high)
 
 
 class TorqueFilter:
@@ -149,9 +150,7 @@ class TorqueFilter:
         self.limits = Limits(system) if limits is None else limits
         if not isinstance(self.limits, Limits) or self.limits.effort.size != system.n:
             raise InvalidArgumentError("limits", f"must be Limits made for this system of {system.n} joints")
-        if not isinstance(storage, bool):
-            raise InvalidArgumentError("storage", f"must be True or False, but is {storage!r}")
-        self.storage = storage
+        self.storage = flag("storage", storage)
         n = system.n
         effort = self.limits.effort
         bounded = np.isfinite(effort)
@@ -206,28 +205,28 @@ class TorqueFilter:
             port: of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
         low, high = self._range(previous)
-        clipped = np.minimum(np.maximum(torque, low), high)
-        unchanged = bool(np.logical_and.reduce(clipped == torque))
+        nearest = clipped(torque, low, high)
+        unchanged = bool(np.logical_and.reduce(nearest == torque))
         motion = self._motion(x, external_force)
         bounds = self._bounds(x, motion)
-        velocity = self._next_velocity(x, motion, clipped)
+        velocity = self._next_velocity(x, motion, nearest)
         condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
         if (
             (unchanged or self._is_separable)
             and kernels.bound_excess(velocity, *bounds.predicted) == 0.0
-            and (unchanged or condition is None or condition.power(clipped - torque, velocity - x.velocity) <= 0.0)
+            and (unchanged or condition is None or condition.power(nearest - torque, velocity - x.velocity) <= 0.0)
         ):
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
-            return FilteredTorque(clipped, status, 0.0, 0.0)
-        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, clipped, velocity)
+            return FilteredTorque(nearest, status, 0.0, 0.0)
+        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, nearest, velocity)
 
     def _range(self, previous: Array | None) -> tuple[Array, Array]:
         """Return the lowest and the highest torque by effort and rate [N·m]."""
         limit = self.limits.effort
         if previous is None or not self._has_rate:
             return -limit, limit
-        start = np.minimum(np.maximum(previous, -limit), limit)
+        start = clipped(previous, -limit, limit)
         return np.maximum(start - self._rate_bound, -limit), np.minimum(start + self._rate_bound, limit)
 
     def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
@@ -243,7 +242,7 @@ class TorqueFilter:
         response = dry = self._zero
         if self._dry is not None:
             response = self._response(factor, self._identity)
-            dry = self._dry.expected(x.velocity, x.damping, response)  # type: ignore[arg-type]  # there is friction
+            dry = self._dry.expected(x.velocity, x.damping, response)
             force += dry
         np.negative(force, out=force)
         if external_force is not None:
@@ -286,8 +285,7 @@ class TorqueFilter:
         wanted -= motion.force
         if self._inverse_input is not None:
             wanted = self._inverse_input.dot(wanted)
-        torque: Array = np.minimum(np.maximum(wanted, box.low), box.high)
-        return torque
+        return clipped(wanted, box.low, box.high)
 
     def _widen(self, rows: Array, lower: Array, upper: Array, box: _Box, preferred: Array) -> Array:
         """Widen the velocity bounds as far as they cannot be kept; return a z that keeps them then.
@@ -321,23 +319,23 @@ class TorqueFilter:
     def _solve(
         self,
         x: MechanicalState,
-        wish: Array,
+        desired: Array,
         box: _Box,
         motion: _Motion,
         bounds: _Bounds,
         condition: StorageCondition | None,
-        clipped: Array,
+        nearest: Array,
         velocity: Array,
     ) -> FilteredTorque:
         program, centre, reach = self._program, box.centre, box.reach
         farthest = _FARTHEST * reach
-        wish = np.minimum(np.maximum(wish, centre - farthest), centre + farthest)
+        desired = clipped(desired, centre - farthest, centre + farthest)
         matrix = self.system.input_matrix
         if self._dry is not None and matrix is None:
             effect = motion.response
         else:
             effect = self._response(motion.factor, self._identity if matrix is None else matrix)
-        drift = velocity - effect.dot(clipped)  # the next velocity without motors
+        drift = velocity - effect.dot(nearest)  # the next velocity without motors
         rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
         safe = self._braking(x, motion, bounds.aimed, box)
         keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds.aimed, safe, _ROOM, rows, lower, upper)
@@ -347,7 +345,7 @@ class TorqueFilter:
         feasible = box.scaled(safe)
         if not keeps:
             feasible = self._widen(rows, lower, upper, box, feasible)
-        hessian, gradient = self._hessian(motion, reach), -box.scaled(wish)
+        hessian, gradient = self._hessian(motion, reach), -box.scaled(desired)
         if hessian is not None:
             gradient = hessian.dot(gradient)
         problem = Problem(hessian, gradient, rows, lower, upper, -box.extent, box.extent)
@@ -356,18 +354,18 @@ class TorqueFilter:
             torque = box.torque(feasible if answer is None else answer)
             reached, growth = drift + effect.dot(torque), 0.0
             if condition is not None:
-                growth = max(0.0, condition.power(torque - wish, reached - x.velocity) - allowed)
+                growth = max(0.0, condition.power(torque - desired, reached - x.velocity) - allowed)
             return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds.predicted), growth)
 
         if condition is None:
             found = result(*program.solve(problem, feasible))
         else:
-            change, kick = clipped - wish, velocity - x.velocity
+            change, kick = nearest - desired, velocity - x.velocity
             allowed = condition.allowed(kick - effect.dot(change))
             without = None if program.is_constrained else result(*program.solve(problem, feasible))
             if without is None or without.storage_excess > 0.0:
                 surplus, slope = condition.power(change, kick) - allowed, condition.slope(change, kick, effect)
-                constraint = _scaled(surplus, slope, condition.curvature(effect), box.scaled(clipped), reach)
+                constraint = _scaled(surplus, slope, condition.curvature(effect), box.scaled(nearest), reach)
                 found = result(*program.solve(problem, feasible, constraint))
             else:
                 found = without

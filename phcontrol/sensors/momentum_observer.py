@@ -51,7 +51,7 @@ class MomentumObserver:
 
     def start(self, x: MechanicalState, external_force: Array) -> _State:
         """Return the state at time 0: the estimate is zero."""
-        view = self._view(x)
+        view = x.seen_by(self.system)
         return _State(0.0, view.momentum, view.total_force(), np.zeros(self.system.n))
 
     def update(self, state: _State, t: float, x: MechanicalState, external_force: Array, torque: Array) -> _State:
@@ -59,7 +59,7 @@ class MomentumObserver:
         elapsed = t - state.time
         if elapsed <= 0.0:
             return state
-        view = self._view(x)
+        view = x.seen_by(self.system)
         modeled = view.total_force()
         motors = torque if self.system.input_matrix is None else self.system.input_matrix.dot(torque)
         unexplained = (view.momentum - state.momentum) / elapsed - 0.5 * (modeled + state.modeled) - motors
@@ -70,6 +70,3 @@ class MomentumObserver:
     def reading(self, state: _State) -> Array:
         """Return the estimate of f_e, shape (n,) [N·m]."""
         return state.estimate
-
-    def _view(self, x: MechanicalState) -> MechanicalState:
-        return x if x.system is self.system else self.system.state_type(self.system, x.position, x.velocity)

@@ -21,8 +21,6 @@ from phcontrol.exceptions import (
     InvalidArgumentError,
     ObjectLostError,
     PHControlError,
-    SimulationError,
-    SimulationInterrupted,
 )
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -31,8 +29,9 @@ from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
-from phcontrol.simulation.sampled_control import check_filter
-from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
+from phcontrol.simulation.sampled_control import SampledControl, check_filter
+from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
+from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
 
 
@@ -114,10 +113,11 @@ def simulate(
         controller,
         _disturbance(disturbance, system.n),
         torque_limit_of(torque_limit, system),
-        control_period,
         bodies,
-        torque_filter,
         scene,
+    )
+    sampled = (
+        None if control_period is None else SampledControl(controller, control_period, loop.torque_limit, torque_filter)
     )
     _check_scene(controller, scene, sensors)
     body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
@@ -147,33 +147,36 @@ def simulate(
             "versions": {"phcontrol": __version__, "pinocchio": pin.__version__, "numpy": np.__version__,
                          "python": platform.python_version()},
         },
+        filtered=torque_filter is not None,
     )  # fmt: skip
     y = np.concatenate([position, velocity, state, body_state, scene_state])
     disable = None if progress is None else not progress
-    done, k = 0, 0
+    done, k, held = 0, 0, NOTHING_HELD
     try:
         with np.errstate(all="ignore"), tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
             for k in range(steps + 1):
                 t = k * dt
                 if instruments is not None:
-                    loop.measured = instruments.observe(k, t, loop, y)
-                    log.record_measured(k, loop.measured)
-                if stride and k % stride == 0:
-                    y = loop.sample(t, y)
-                rate = loop.rate(t, y)
-                log.record(k, t, y, loop.torque, loop.external_force, loop.features)
-                if torque_filter is not None:
-                    log.record_filter(k, loop)
+                    measured = instruments.observe(k, t, loop, y, held)
+                    log.record_measured(k, measured)
+                    held = held._replace(measured=measured)
+                if sampled is not None and k % stride == 0:
+                    y, torque = loop.sample(sampled, t, y, held.measured)
+                    held = held._replace(torque=torque)
+                found = loop.evaluate(t, y, held)
+                log.record(k, t, y, found)
+                if sampled is not None and torque_filter is not None:
+                    log.record_filter(k, sampled)
                 if watch is not None:
                     watch(log)
                 if instruments is not None:
-                    instruments.applied(loop.torque)
+                    instruments.applied(found.torque)
                 if k % 100 == 0:
                     bar.update(k - done)
                     done = k
                 if k == steps:
                     break
-                y = step(loop, t, y, dt, rate)
+                y = step(loop.during(held), t, y, dt, found.rate)
                 if not math.isfinite(y.dot(y)):
                     raise PHControlError("the state is no longer finite: the loop diverged")
     except SimulationError:

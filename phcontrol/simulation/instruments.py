@@ -11,7 +11,7 @@ from phcontrol._validation import Array, whole_multiple
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.sensor import Sensor
-from phcontrol.simulation.vector_field import ClosedLoop
+from phcontrol.simulation.vector_field import ClosedLoop, Held
 
 
 class Instruments:
@@ -29,21 +29,22 @@ class Instruments:
         self._torques: list[Array] = []
         self._last_torque: Array | None = None
 
-    def observe(self, k: int, t: float, loop: ClosedLoop, y: Array) -> Measured:
-        """Update the sensors that are due at step k and return what all show."""
-        x = loop.plant_state(t, y)
+    def observe(self, k: int, t: float, loop: ClosedLoop, y: Array, held: Held) -> Measured:
+        """Update the sensors that are due at step k and return what all show; ``held`` was so in the step that ends."""
+        x = loop.plant_state(y)
+        external_force = loop.surroundings(t, x, y).external_force
         if k == 0:
-            self._states = [sensor.start(x, loop.external_force) for sensor in self.sensors]
+            self._states = [sensor.start(x, external_force) for sensor in self.sensors]
             self._torques = [np.zeros(loop.n) for _ in self.sensors]
         elif self._last_torque is not None:
             # a continuous controller's torque changes during a step: its mean over the step
-            applied = 0.5 * (self._last_torque + loop.torque)
+            applied = 0.5 * (self._last_torque + loop.torque(t, y, held))
             self._torques = [torque + applied for torque in self._torques]
         readings: dict[str, Array] = {}
         for i, (sensor, stride) in enumerate(zip(self.sensors, self._strides, strict=True)):
             if k % stride == 0:
                 mean_torque = self._torques[i] / stride
-                self._states[i] = sensor.update(self._states[i], t, x, loop.external_force, mean_torque)
+                self._states[i] = sensor.update(self._states[i], t, x, external_force, mean_torque)
                 self._torques[i] = np.zeros(loop.n)
             readings[sensor.quantity] = sensor.reading(self._states[i])
         return Measured(**readings)

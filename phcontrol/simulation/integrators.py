@@ -6,6 +6,7 @@ The state is y = (q, q̇, controller state). A step is a pure function of the lo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -68,12 +69,20 @@ def semi_implicit_euler(loop: Dynamics, t: float, y: Array, dt: float, rate: Arr
     return following
 
 
-def runge_kutta_4(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
-    """The classical method of Runge and Kutta: fourth order, four evaluations."""
+def runge_kutta_step(rate_at: Callable[[float, Array], Array], t: float, y: Array, dt: float, rate: Array) -> Array:
+    """Return y at t + dt by the classical method of Runge and Kutta: fourth order, four evaluations.
+
+    Args:
+        rate_at: ẏ(t, y), a new array each time.
+        t: [s].
+        y: the state at t.
+        dt: [s].
+        rate: ẏ at t, the first of the evaluations.
+    """
     half = 0.5 * dt
-    second = loop.rate(t + half, y + half * rate)
-    third = loop.rate(t + half, y + half * second)
-    fourth = loop.rate(t + dt, y + dt * third)
+    second = rate_at(t + half, y + half * rate)
+    third = rate_at(t + half, y + half * second)
+    fourth = rate_at(t + dt, y + dt * third)
     second += third
     second *= 2.0
     second += rate
@@ -81,6 +90,11 @@ def runge_kutta_4(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) ->
     second *= dt / 6.0
     second += y
     return second
+
+
+def runge_kutta_4(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:
+    """The classical method of Runge and Kutta."""
+    return runge_kutta_step(loop.rate, t, y, dt, rate)
 
 
 def implicit_midpoint(loop: Dynamics, t: float, y: Array, dt: float, rate: Array) -> Array:

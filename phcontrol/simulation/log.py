@@ -3,42 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
 from phcontrol.sensors.measured import Measured
-from phcontrol.simulation.log_file import (
-    DERIVED,
-    DERIVED_VECTORS,
-    FEATURES,
-    FILTER,
-    LARGEST,
-    MEASURED,
-    PER_BODY,
-    PER_WRENCH,
-    read_log,
-    write_log,
-)
-from phcontrol.simulation.plant_record import mechanical_powers, plant_from_record, plant_record
+from phcontrol.simulation.derived import DERIVED, OPTIONAL, PARTS, Sample, derive, names_of, true_measurement
+from phcontrol.simulation.log_file import FEATURES, FILTER, LARGEST, MEASURED, read_log, write_log
+from phcontrol.simulation.plant_record import plant_from_record, plant_record
 from phcontrol.simulation.power_balance import PowerBalance
+from phcontrol.simulation.sampled_control import SampledControl
+from phcontrol.simulation.vector_field import ClosedLoop, Evaluation
 
 if TYPE_CHECKING:
     import pandas
-
-    from phcontrol.simulation.vector_field import ClosedLoop
 
 
 class Log:
     """A run: times, states, torques, forces, and the energies derived from them.
 
-    Rows are samples k at ``time[k]``. What follows from the trajectory (energies, powers) is computed on
-    first use and kept; a saved log has it all.
+    Rows are samples k at ``time[k]``. What follows from the trajectory (energies, powers: ``DERIVED`` says how) is
+    computed on first use and kept; a saved log has it all.
     """
 
     def __init__(self, data: dict[str, Array], metadata: dict[str, Any], loop: ClosedLoop | None = None) -> None:
@@ -48,6 +37,10 @@ class Log:
         """The file that the log was read from; None for a run of this process."""
         self._data, self._loop, self._length = data, loop, len(data["time"])
         self._states: Array = np.zeros((0, 0))
+        self._columns = {name: data[name] for name in DERIVED if name in data}
+        whole = all(name in data for name in DERIVED if name not in OPTIONAL)
+        self._known: frozenset[str] = PARTS if whole else frozenset()
+        self._arm: dict[str, Array] | None = None
 
     @classmethod
     def empty(
@@ -58,6 +51,8 @@ class Log:
         body_state_size: int,
         measured: Sequence[str],
         metadata: dict[str, Any],
+        *,
+        filtered: bool = False,
     ) -> Log:
         """Return a log with room for a run, to be filled by ``record``.
 
@@ -67,8 +62,8 @@ class Log:
         sizes |= {f"{MEASURED}{quantity}": FEATURES if quantity == "features" else loop.n for quantity in measured}
         if loop.scene is not None:
             sizes["features"] = FEATURES
-        if loop.sampled is not None and loop.sampled.filter is not None:
-            sizes[f"{FILTER}wished_torque"] = loop.n
+        if filtered:
+            sizes[f"{FILTER}desired_torque"] = loop.n
             sizes |= {f"{FILTER}{name}": 0 for name in ("status", "motion_excess", "storage_excess")}
         n, width = loop.n, 2 * loop.n + state_size + body_state_size
         try:
@@ -88,17 +83,15 @@ class Log:
         log._length, log._states = 0, states
         return log
 
-    def record(
-        self, k: int, t: float, y: Array, torque: Array, external_force: Array, features: Array | None = None
-    ) -> None:
-        """Write sample k."""
+    def record(self, k: int, t: float, y: Array, found: Evaluation) -> None:
+        """Write sample k, and what the loop was found to be there."""
         data = self._data
         data["time"][k] = t
         self._states[k] = y
-        data["torque"][k] = torque
-        data["external_force"][k] = external_force
-        if features is not None:
-            data["features"][k] = features
+        data["torque"][k] = found.torque
+        data["external_force"][k] = found.external_force
+        if found.features is not None:
+            data["features"][k] = found.features
         self._length = k + 1
 
     def record_measured(self, k: int, measured: Measured) -> None:
@@ -107,12 +100,11 @@ class Log:
             if value is not None:
                 self._data[f"{MEASURED}{quantity}"][k] = value
 
-    def record_filter(self, k: int, loop: ClosedLoop) -> None:
+    def record_filter(self, k: int, sampled: SampledControl) -> None:
         """Write what the torque filter did in the period of sample k."""
-        sampled, data = loop.sampled, self._data
-        assert sampled is not None
+        data = self._data
         assert sampled.filtered is not None
-        data[f"{FILTER}wished_torque"][k] = sampled.wished
+        data[f"{FILTER}desired_torque"][k] = sampled.desired
         data[f"{FILTER}status"][k] = sampled.filtered.status
         data[f"{FILTER}motion_excess"][k] = sampled.filtered.motion_excess
         data[f"{FILTER}storage_excess"][k] = sampled.filtered.storage_excess
@@ -181,7 +173,7 @@ class Log:
     def filter_activity(self) -> dict[str, Array]:
         """What the torque filter did, by name; empty without one.
 
-        "wished_torque" (N, n): what the law wished [N·m]; "status" (N,): a ``FilterStatus`` each;
+        "desired_torque" (N, n): what the law desired [N·m]; "status" (N,): a ``FilterStatus`` each;
         "motion_excess" (N,): predicted velocity beyond its bounds [rad/s]; "storage_excess" (N,): power given to H_d
         beyond what the law was dissipating [W].
         """
@@ -189,91 +181,89 @@ class Log:
 
     def true_measurement(self, k: int) -> Measured:
         """Return what perfect sensors of f_e and of the image features would have shown at sample k."""
-        return Measured(
-            self.external_force[k], features=self._data["features"][k] if "features" in self._data else None
-        )
+        return true_measurement(self._data, k)
 
     # --- derived ------------------------------------------------------------------------------------
 
     @property
     def kinetic_energy(self) -> Array:
         """½q̇ᵀM q̇ of the plant, shape (N,) [J]."""
-        return self._derived["kinetic_energy"]
+        return self._column("kinetic_energy")
 
     @property
     def potential_energy(self) -> Array:
         """V(q) of the plant, shape (N,) [J]."""
-        return self._derived["potential_energy"]
+        return self._column("potential_energy")
 
     @property
     def storage(self) -> Array:
         """H_d, the controller's storage function, shape (N,) [J]."""
-        return self._derived["storage"]
+        return self._column("storage")
 
     @property
     def dissipated_power(self) -> Array:
         """∇H_dᵀR_d∇H_d: what the promised closed loop dissipates, shape (N,) [W]."""
-        return self._derived["dissipated_power"]
+        return self._column("dissipated_power")
 
     @property
     def supplied_power(self) -> Array:
         """∇H_dᵀ port f_e: what the external force supplies to H_d, shape (N,) [W]."""
-        return self._derived["supplied_power"]
+        return self._column("supplied_power")
 
     @property
     def force_output(self) -> Array:
         """portᵀ∇H_d, shape (N, n) [rad/s]: the velocity with which f_e does work on H_d."""
-        return self._derived["force_output"]
+        return self._column("force_output")
 
     @property
     def friction_power(self) -> Array:
         """q̇ᵀD q̇: what the plant's friction takes, shape (N,) [W]."""
-        return self._derived["friction_power"]
+        return self._column("friction_power")
 
     @property
     def control_power(self) -> Array:
         """yᵀu: what the motors give the plant, shape (N,) [W]."""
-        return self._derived["control_power"]
+        return self._column("control_power")
 
     @property
     def external_power(self) -> Array:
         """q̇ᵀf_e: what the environment gives the plant, shape (N,) [W]."""
-        return self._derived["external_power"]
+        return self._column("external_power")
 
     @property
     def contact_force(self) -> Array:
         """Sum of the bodies' contact forces, shape (N,) [N, or N·m at a joint]."""
-        return self._derived["contact_force"]
+        return self._column("contact_force")
 
     @property
     def contact_forces(self) -> Array:
         """Contact force of each body, shape (N, bodies) [N, or N·m at a joint]."""
-        return self._derived["contact_forces"]
+        return self._column("contact_forces")
 
     @property
     def contact_depths(self) -> Array:
         """How far each body's surface is pushed in, shape (N, bodies) [m or rad]."""
-        return self._derived["contact_depths"]
+        return self._column("contact_depths")
 
     @property
     def goal(self) -> Array | None:
         """The posture that the law brings the arm to, shape (N, n) [rad]; None for a law that has none."""
-        return self._derived.get("goal")
+        return self._derived("goal").get("goal")
 
     @property
     def wrench_forces(self) -> Array:
         """Force of each external wrench in the world's axes, shape (N, wrenches, 3) [N]."""
-        return self._derived.get("wrench_forces", np.zeros((len(self.time), 0, 3)))
+        return self._derived("wrenches").get("wrench_forces", np.zeros((len(self.time), 0, 3)))
 
     @property
     def contact_energy(self) -> Array:
         """Energy stored in the bodies and contacts, shape (N,) [J]."""
-        return self._derived["contact_energy"]
+        return self._column("contact_energy")
 
     @property
     def contact_power(self) -> Array:
         """Power dissipated in the bodies and contacts, shape (N,) [W]."""
-        return self._derived["contact_power"]
+        return self._column("contact_power")
 
     @property
     def saturated(self) -> Array:
@@ -285,36 +275,44 @@ class Log:
             return np.zeros(len(self.time), dtype=bool)
         return np.asarray((np.abs(self.torque) >= limit).any(axis=1))
 
-    @lazy
-    def _derived(self) -> dict[str, Array]:
-        if all(name in self._data for name in (*DERIVED, *DERIVED_VECTORS, *PER_BODY)):
-            kept = (*DERIVED, *DERIVED_VECTORS, *PER_BODY, "goal", PER_WRENCH)
-            return {name: self._data[name] for name in kept if name in self._data}
+    def _derived(self, *parts: str) -> dict[str, Array]:
+        """Return the quantities of some parts of ``DERIVED``, by default of all: computed now, or before."""
+        missing = (PARTS if not parts else frozenset(parts)) - self._known
+        if missing:
+            self._columns |= derive(self._samples(), names_of(*missing))
+            self._known |= missing
+            for array in self._data.values():
+                array.flags.writeable = False  # what follows from the samples is kept, so they may change no more
+        return {name: self._columns[name] for name in names_of(*parts) if name in self._columns}
+
+    def _column(self, name: str) -> Array:
+        return self._derived(DERIVED[name].part)[name]
+
+    def _samples(self) -> Iterator[Sample]:
+        loop = self._closed_loop()
         if self._length < len(self.time):
             raise PHControlError("the run is still going on: use derive(k) for the energies of one sample")
         if len(self) == 0:
             raise PHControlError("this log holds no sample")
-        rows = [self.derive(k) for k in range(len(self))]
-        for array in self._data.values():
-            array.flags.writeable = False  # what follows from the samples is kept, so they may change no more
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return (Sample(self._data, k, loop.plant, loop) for k in range(len(self)))
 
-    @lazy
+    def _closed_loop(self) -> ClosedLoop:
+        if self._loop is None:
+            raise PHControlError("this log has no energies and no closed loop to derive them from")
+        return self._loop
+
     def _mechanical(self) -> dict[str, Array]:
-        """Energies and powers of the arm, from the samples: never those that a file holds."""
+        """Return energies and powers of the arm, from the samples: never those that a file holds."""
         if self._loop is not None:
-            return self._derived
-        plant = plant_from_record(self.metadata)
-        states = [plant.at(q, v) for q, v in zip(self.position, self.velocity, strict=True)]
-        rows = [
-            mechanical_powers(x, torque, force)
-            for x, torque, force in zip(states, self.torque, self.external_force, strict=True)
-        ]
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+            return self._derived("arm")
+        if self._arm is None:
+            plant = plant_from_record(self.metadata)
+            self._arm = derive((Sample(self._data, k, plant, None) for k in range(len(self))), names_of("arm"))
+        return self._arm
 
     def row(self, k: int) -> dict[str, Any]:
         """Return energies, powers, contact forces and goal at sample k."""
-        row = {name: array[k] for name, array in self._derived.items()}
+        row = {name: array[k] for name, array in self._derived().items()}
         return row | ({"features": self.features[k]} if "features" in self._data else {})
 
     def derive(self, k: int) -> dict[str, Any]:
@@ -322,35 +320,11 @@ class Log:
 
         Raises PHControlError for a log that was read from a file without them.
         """
-        loop = self._loop
-        if loop is None:
-            raise PHControlError("this log has no energies and no closed loop to derive them from")
-        t, state, force = self.time[k], self.controller_state[k], self.external_force[k]
-        x = loop.plant.at(self.position[k], self.velocity[k])
-        view = x if loop.model is loop.plant else loop.model_state(x.position, x.velocity)
-        measured = self.true_measurement(k)
-        target = loop.controller.target(t, view, state, measured)
-        parts = np.split(self.body_state[k], np.cumsum([body.state_size for body in loop.bodies]))[: len(loop.bodies)]
-        touches = [body.touch(x, part) for body, part in zip(loop.bodies, parts, strict=False)]
-        row: dict[str, Any] = {
-            **mechanical_powers(x, self.torque[k], force),
-            "storage": loop.controller.storage(t, view, state, measured),
-            "dissipated_power": target.gradient @ target.dissipation @ target.gradient,
-            "supplied_power": target.gradient @ (target.port @ force + target.driven()),
-            "contact_force": sum((touch.magnitude for touch in touches), 0.0),
-            "contact_energy": sum((touch.stored for touch in touches), 0.0),
-            "contact_power": sum((touch.dissipated for touch in touches), 0.0),
-            "contact_work": sum((float(touch.force.dot(x.velocity)) for touch in touches), 0.0),
-            "force_output": target.port.T @ target.gradient,
-            "contact_forces": [touch.magnitude for touch in touches],
-            "contact_depths": [body.displacement(part) for body, part in zip(loop.bodies, parts, strict=False)],
-        }
-        if loop.wrenches:
-            row["wrench_forces"] = [wrench.world_force(t, x) for wrench in loop.wrenches]
-        if "features" in self._data:
-            row["features"] = self.features[k]
-        goal = loop.controller.target_posture(t)
-        return row if goal is None else row | {"goal": goal}
+        loop = self._closed_loop()
+        sample = Sample(self._data, k, loop.plant, loop)
+        row = {name: quantity.compute(sample) for name, quantity in DERIVED.items()}
+        row = {name: value for name, value in row.items() if value is not None}
+        return row | ({"features": self.features[k]} if "features" in self._data else {})
 
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.
@@ -370,13 +344,14 @@ class Log:
         """
         choice("energy", of, ("storage", "plant", "all"))
         if of == "storage":
-            stored, supplied, lost = self.storage, self.supplied_power, self.dissipated_power
+            of_law = self._derived("storage", "promise")
+            stored, supplied, lost = of_law["storage"], of_law["supplied_power"], of_law["dissipated_power"]
         else:
-            arm = self._mechanical
+            arm = self._mechanical()
             stored = arm["kinetic_energy"] + arm["potential_energy"]
             supplied, lost = arm["control_power"] + arm["external_power"], arm["friction_power"]
         if of == "all":
-            stored, supplied = stored + self.contact_energy, supplied - self._derived["contact_work"]
+            stored, supplied = stored + self.contact_energy, supplied - self._column("contact_work")
             lost = lost + self.contact_power
         if len(stored) < 5:
             raise PHControlError("a power balance needs at least five samples")
@@ -400,7 +375,7 @@ class Log:
             if limit is not None:
                 metadata["torque_limit"] = [value if np.isfinite(value) else 1e300 for value in limit.tolist()]
             metadata["plant"] = plant_record(self._loop.plant)
-        return write_log(path, self._data | self._derived, metadata)
+        return write_log(path, self._data | self._derived(), metadata)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, largest: int = LARGEST) -> Log:
@@ -434,5 +409,5 @@ class Log:
         if "features" in self._data:
             columns |= {f"features/{name}": self.features[:, i] for i, name in enumerate(("mu", "nu", "length"))}
         columns |= {f"controller_state/{i}": column for i, column in enumerate(self.controller_state.T)}
-        columns |= {name: self._derived[name] for name in DERIVED}
+        columns |= {name: column for name, column in self._derived().items() if DERIVED[name].shape == ()}
         return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))

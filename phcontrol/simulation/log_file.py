@@ -22,6 +22,7 @@ from numpy.lib import format as npy
 from phcontrol._files import open_regular, write_atomically
 from phcontrol._validation import Array
 from phcontrol.exceptions import DataFileError
+from phcontrol.simulation.derived import DERIVED, JOINTS, OPTIONAL
 
 FORMAT = "phcontrol-log-2"
 LARGEST = 1 << 30
@@ -33,26 +34,11 @@ MOST_MEMBERS = 100
 RECORDED = ("time", "position", "velocity", "torque", "external_force", "controller_state", "body_state")
 MEASURED, FILTER = "measured_", "filter_"
 FEATURES = 3
-DERIVED = (
-    "kinetic_energy",
-    "potential_energy",
-    "storage",
-    "dissipated_power",
-    "supplied_power",
-    "friction_power",
-    "control_power",
-    "external_power",
-    "contact_force",
-    "contact_energy",
-    "contact_power",
-    "contact_work",
-)
-DERIVED_VECTORS = ("force_output",)
-PER_BODY, PER_WRENCH = ("contact_forces", "contact_depths"), "wrench_forces"
-_NEEDED = (*RECORDED, *DERIVED, *DERIVED_VECTORS, *PER_BODY)
-_OPTIONAL = ("features", "goal", PER_WRENCH)
+_NEEDED = (*RECORDED, *(name for name in DERIVED if name not in OPTIONAL))
 _FINITE = ("time", "position", "velocity", "goal")
 """A run stops where these are not finite; NaN elsewhere says that something was not seen, or overflowed."""
+_COUNTED = {"contact_forces": "bodies", "contact_depths": "bodies", "wrench_forces": "wrench_frames"}
+"""Which entry of the metadata says how many there are of each."""
 _METADATA, _HASH = "metadata", "sha256"
 
 
@@ -196,15 +182,15 @@ def _hash(data: Mapping[str, Array], metadata: bytes) -> bytes:
 
 def _check_shape(name: str, shape: tuple[int, ...], samples: int, joints: int) -> None:
     per_sample: tuple[int | None, ...]
-    if name in ("time", *DERIVED) or (name.startswith(FILTER) and not name.endswith("torque")):
+    if name in DERIVED:
+        per_sample = tuple(joints if size == JOINTS else size for size in DERIVED[name].shape)
+    elif name == "time" or (name.startswith(FILTER) and not name.endswith("torque")):
         per_sample = ()
-    elif name in ("controller_state", "body_state", *PER_BODY):
+    elif name in ("controller_state", "body_state"):
         per_sample = (None,)
     elif name in ("features", f"{MEASURED}features"):
         per_sample = (FEATURES,)
-    elif name == PER_WRENCH:
-        per_sample = (None, 3)
-    elif name in (*_NEEDED, *_OPTIONAL) or name.startswith((MEASURED, FILTER)):
+    elif name in RECORDED or name.startswith((MEASURED, FILTER)):
         per_sample = (joints,)
     else:
         raise _Problem(f"{name!r} is nothing that a log holds")
@@ -231,8 +217,8 @@ def _check_samples(data: Mapping[str, Array]) -> None:
 
 
 def _check_counts(data: Mapping[str, Array], metadata: Mapping[str, Any]) -> None:
-    for name, key in ((PER_BODY[0], "bodies"), (PER_BODY[1], "bodies"), (PER_WRENCH, "wrench_frames")):
-        size = 3 if name == PER_WRENCH else 1
+    for name, key in _COUNTED.items():
+        size = DERIVED[name].shape[-1] or 1
         described, held = len(metadata.get(key, ())), data[name][0].size // size if name in data else 0
         if described != held:
             raise _Problem(f"'{key}' of its metadata has {described} entries, but {name} is of {held}")

@@ -9,27 +9,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phcontrol._validation import Array
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.loading import robot_from_record
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
-from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 
 _FRICTION = ("viscous", "coulomb", "static", "stribeck_velocity", "smoothing")
 _SPRING = ("closing_stiffness", "opening_stiffness", "rest_angle", "smoothing")
-
-
-def mechanical_powers(x: MechanicalState, torque: Array, external_force: Array) -> dict[str, float]:
-    """Return the arm's energies [J] and the powers [W] of its friction, its motors and its environment."""
-    return {
-        "kinetic_energy": x.kinetic_energy,
-        "potential_energy": x.potential_energy,
-        "friction_power": 0.0 if x.damping is None else float(x.velocity @ (x.damping * x.velocity)),
-        "control_power": float(x.output @ torque),
-        "external_power": float(x.velocity @ external_force),
-    }
 
 
 def plant_record(system: MechanicalSystem) -> dict[str, Any]:

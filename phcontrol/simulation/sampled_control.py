@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, positive, real_array
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.safety.clipping import clipped
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.sensors.measured import Measured
-from phcontrol.simulation.signal_border import real_array
 
 
 class SampledControl:
@@ -41,9 +41,8 @@ class SampledControl:
         self.controller, self.period, self.torque_limit, self.filter = controller, period, torque_limit, torque_filter
         if torque_filter is not None:
             check_filter(torque_filter, controller, period)
-        self._same_model = torque_filter is not None and torque_filter.system is controller.system
         self._held_rate: Array | None = None
-        self.wished = np.zeros(controller.system.n)
+        self.desired = np.zeros(controller.system.n)
         """The law's own torque in the last period [N·m]."""
         self.torque: Array | None = None
         """The torque of the last period [N·m]; None before the first."""
@@ -74,11 +73,11 @@ class SampledControl:
 
     def step(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Array:
         """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
-        self.wished, self._held_rate = self.command(t, x, state, measured)
+        self.desired, self._held_rate = self.command(t, x, state, measured)
         if self.filter is None:
-            return self.limited(x, self.wished, measured)
+            return self.limited(x, self.desired, measured)
         port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
-        torque = self.limited(x, self.wished, measured, port)
+        torque = self.limited(x, self.desired, measured, port)
         if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
             # twice: what the state does about it comes a period late
             self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)
@@ -87,13 +86,12 @@ class SampledControl:
     def limited(self, x: MechanicalState, torque: Array, measured: Measured, port: PassivePort | None = None) -> Array:
         """Return a torque after filter and limits [N·m], which is remembered as the last one."""
         if self.filter is not None:
-            view = x if self._same_model else self.filter.system.state_type(self.filter.system, x.position, x.velocity)
-            force = measured.external_force
+            view, force = x.seen_by(self.filter.system), measured.external_force
             self.filtered = self.filter.filter(view, torque, previous=self.torque, external_force=force, port=port)
             torque = self.filtered.torque
         limit = self.torque_limit
         if limit is not None:
-            torque = np.maximum(np.minimum(torque, limit), -limit)
+            torque = clipped(torque, -limit, limit)
         self.torque = torque
         return torque
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
@@ -13,7 +14,7 @@ from phcontrol.environments.body import Body
 from phcontrol.environments.disturbances import wrenches_of
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.safety.torque_filter import TorqueFilter
+from phcontrol.safety.clipping import clipped
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.sampled_control import SampledControl
 from phcontrol.vision.scene import Scene
@@ -21,80 +22,115 @@ from phcontrol.vision.scene import Scene
 ExternalForce = Callable[[float, MechanicalState], Array]
 """External force f_e(t, x) [N·m], shape (n,)."""
 
+_EMPTY: Array = np.zeros(0)
+
+
+class Held(NamedTuple):
+    """What stays as it is during a step."""
+
+    torque: Array | None = None
+    """Of a sampled controller [N·m]; None for a continuous one, which is asked at every instant."""
+    measured: Measured | None = None
+    """What sensors show; None when the controller is shown the truth, at every instant."""
+
+
+NOTHING_HELD = Held()
+
+
+class Surroundings(NamedTuple):
+    """What is around the arm at one state."""
+
+    external_force: Array
+    """f_e, disturbance and bodies, shape (n,) [N·m]."""
+    state_rate: Array
+    """Rates of the bodies' states, then of the scene's."""
+    truth: Measured
+    """What perfect sensors show of it."""
+
+
+class Evaluation(NamedTuple):
+    """A closed loop at one instant."""
+
+    rate: Array
+    """ẏ."""
+    torque: Array
+    """The applied torque u, shape (n,) [N·m]."""
+    external_force: Array
+    """f_e, shape (n,) [N·m]."""
+    features: Array | None
+    """What there is to see, shape (3,) [m]; None without a scene."""
+
 
 class ClosedLoop:
-    """The vector field of plant, controller, bodies and scene.
+    """The vector field of plant, controller, bodies and scene: pure functions of time, state and what is held.
 
     Its state is y = (q, q̇, controller state, bodies' states, scene's state).
+
+    Args:
+        plant: the arm.
+        controller: the law.
+        disturbance: f_e, constant [N·m] or a function of time and state; None for none.
+        torque_limit: what the law's torques are clipped to [N·m]; None for nothing.
+        bodies: what the arm can touch.
+        scene: what there is to see.
     """
 
     def __init__(
         self,
         plant: MechanicalSystem,
         controller: Controller,
-        disturbance: ExternalForce | Array | None,
-        torque_limit: Array | None,
-        control_period: float | None,
+        disturbance: ExternalForce | Array | None = None,
+        torque_limit: Array | None = None,
         bodies: Sequence[Body] = (),
-        torque_filter: TorqueFilter | None = None,
         scene: Scene | None = None,
     ) -> None:
         self.plant, self.controller, self.model = plant, controller, controller.system
         self.n = plant.n
-        self.torque = np.zeros(self.n)
-        """The applied torque of the last evaluation [N·m]."""
-        self.external_force = np.zeros(self.n)
-        """f_e of the last evaluation [N·m]."""
         self.torque_limit = torque_limit
-        self.control_period = control_period
         self.bodies = tuple(bodies)
         self.scene = scene
-        self.features: Array | None = None
-        """What there is to see, at the last evaluation; None without a scene."""
-        self._end = 2 * self.n
-        self._bodies_start = self._end + controller.state_size
-        self._plant_state, self._model_state = plant.state_type, self.model.state_type
-        self._same_model = self.model is plant
-        self._disturbance = disturbance if callable(disturbance) else None
         self.wrenches = wrenches_of(disturbance)
         """The wrenches at frames that the disturbance is made of."""
+        self._end = 2 * self.n
+        self._bodies_start = self._end + controller.state_size
+        self._plant_state = plant.state_type
+        self._disturbance = disturbance if callable(disturbance) else None
+        self._steady_force: Array = np.zeros(self.n)
         if disturbance is not None and not callable(disturbance):
-            self.external_force = disturbance
-        self._steady_force = self.external_force
+            self._steady_force = disturbance
         self._is_free = disturbance is None and not self.bodies
         self._scene_size = 0 if scene is None else scene.state_size
-        self._varies = self._disturbance is not None or bool(self.bodies) or scene is not None
-        self._bodies_rate = np.zeros(0)
-        self.measured: Measured | None = None
-        """What sensors show; None when the controller is shown the truth."""
-        self._truth = Measured(self.external_force)
+        still = self._disturbance is None and not self.bodies and scene is None
+        self._still = Surroundings(self._steady_force, _EMPTY, Measured(self._steady_force)) if still else None
         self._needs_total_force = "total_force" in controller.needs
-        self.sampled = (
-            None if control_period is None else SampledControl(controller, control_period, torque_limit, torque_filter)
-        )
-        """The controller's period; None for a continuous controller."""
+        self._no_rate: Array = np.zeros(controller.state_size)
 
-    def rate(self, t: float, y: Array) -> Array:
-        """Return ẏ; leaves the applied torque and f_e in ``torque`` and ``external_force``."""
-        n, end = self.n, self._end
-        x = self._plant_state(self.plant, y[:n], y[n:end])
-        state_rate = self._act(t, x, y)
-        acceleration = x.acceleration(self.torque, None if self._is_free else self.external_force)
-        if y.size == end:
-            return np.concatenate((x.velocity, acceleration))
-        if self._bodies_rate.size:
-            return np.concatenate((x.velocity, acceleration, state_rate, self._bodies_rate))
-        return np.concatenate((x.velocity, acceleration, state_rate))
-
-    def momentum_rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Return ṗ [N·m] and the rate of the controller's and the bodies' states."""
+    def evaluate(self, t: float, y: Array, held: Held = NOTHING_HELD) -> Evaluation:
+        """Return ẏ, and the torque and the force that make it."""
         x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
-        state_rate = np.concatenate((self._act(t, x, y), self._bodies_rate))
-        return x.momentum_rate(self.torque, self.external_force), state_rate
+        around = self._still or self.surroundings(t, x, y)
+        torque, state_rate = self._act(t, x, y, around, held)
+        acceleration = x.acceleration(torque, None if self._is_free else around.external_force)
+        if y.size == self._end:
+            rate = np.concatenate((x.velocity, acceleration))
+        else:
+            rate = np.concatenate((x.velocity, acceleration, state_rate, around.state_rate))
+        return Evaluation(rate, torque, around.external_force, around.truth.features)
+
+    def during(self, held: Held) -> HeldLoop:
+        """Return the loop as it is during a step, for an integrator."""
+        return HeldLoop(self, held)
+
+    def momentum_rate(self, t: float, y: Array, held: Held = NOTHING_HELD) -> tuple[Array, Array]:
+        """Return ṗ [N·m] and the rate of the controller's and the bodies' states."""
+        x = self.plant_state(y)
+        around = self._still or self.surroundings(t, x, y)
+        torque, state_rate = self._act(t, x, y, around, held)
+        return x.momentum_rate(torque, around.external_force), np.concatenate((state_rate, around.state_rate))
 
     def momentum(self, y: Array) -> Array:
         """Return p = M(q)q̇ [N·m·s]."""
-        return self._plant_state(self.plant, y[: self.n], y[self.n : self._end]).momentum
+        return self.plant_state(y).momentum
 
     def velocity(self, position: Array, momentum: Array) -> Array:
         """Return q̇ = M(q)⁻¹p [rad/s]."""
@@ -102,87 +138,88 @@ class ClosedLoop:
         solution: Array = lapack.dpotrs(factor, momentum, lower=1)[0]
         return solution
 
-    def sample(self, t: float, y: Array) -> Array:
-        """Compute the torque to be held from now on, and advance the controller's state by one period."""
-        assert self.sampled is not None
+    def torque(self, t: float, y: Array, held: Held = NOTHING_HELD) -> Array:
+        """Return the applied torque, shape (n,) [N·m]."""
+        if held.torque is not None:
+            return held.torque
+        x = self.plant_state(y)
+        return self._act(t, x, y, self.surroundings(t, x, y), held)[0]
+
+    def sample(self, sampled: SampledControl, t: float, y: Array, measured: Measured | None) -> tuple[Array, Array]:
+        """Return y with the controller's state one period on, and the torque to be held from now on [N·m]."""
         states = slice(self._end, self._bodies_start)
-        state = self.sampled.advance(y[states])
+        state = sampled.advance(y[states])
         if state.size:
             y = y.copy()
             y[states] = state
-        x = self.plant_state(t, y)
-        view, measured = self._shown(x)
-        self.torque = self.sampled.step(t, view, state, measured)
-        return y
+        x = self.plant_state(y)
+        shown = self._shown(x, self.surroundings(t, x, y), measured)
+        return y, sampled.step(t, x.seen_by(self.model), state, shown)
 
-    def plant_state(self, t: float, y: Array) -> MechanicalState:
-        """Return the plant's state at y, with f_e brought up to date."""
-        x = self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
-        if self._varies:
-            self._disturb(t, x, y)
-        return x
+    def plant_state(self, y: Array) -> MechanicalState:
+        """Return the plant's state at y."""
+        return self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
 
-    def model_state(self, position: Array, velocity: Array) -> MechanicalState:
-        """Return the state as the controller's model sees it."""
-        return self._model_state(self.model, position, velocity)
-
-    def _act(self, t: float, x: MechanicalState, y: Array) -> Array:
-        """Bring torque and f_e up to date; return the rate of the controller's state."""
-        if self.control_period is None:
-            return self._control(t, x, y)
-        if self._varies:
-            self._disturb(t, x, y)
-        return np.zeros(self._bodies_start - self._end)
-
-    def _control(self, t: float, x: MechanicalState, y: Array) -> Array:
-        if self._varies:
-            self._disturb(t, x, y)
-        view, measured = self._shown(x)
-        torque, state_rate = self.controller.evaluate(t, view, y[self._end : self._bodies_start], measured)
-        limit = self.torque_limit
-        if limit is not None:
-            torque = np.maximum(np.minimum(torque, limit), -limit)
-        self.torque = torque
-        return state_rate
-
-    def _shown(self, x: MechanicalState) -> tuple[MechanicalState, Measured]:
-        """Return the state as the controller's model sees it, and what it is shown beside."""
-        view = x if self._same_model else self.model_state(x.position, x.velocity)
-        measured = self.measured
-        if measured is None:
-            measured = self._truth
-            if self._needs_total_force:
-                measured = measured._replace(total_force=x.total_force(self.external_force))
-        return view, measured
-
-    def _disturb(self, t: float, x: MechanicalState, y: Array) -> None:
-        """Bring f_e, and the rates of the bodies' states, up to date."""
-        force = self._steady_force
+    def surroundings(self, t: float, x: MechanicalState, y: Array) -> Surroundings:
+        """Return what is around the arm."""
+        if self._still is not None:
+            return self._still
+        force, rates = self._steady_force, []
         if self._disturbance is not None:
             force = self._disturbance(t, x)
             if type(force) is not np.ndarray or force.shape != (self.n,) or force.dtype != np.float64:
                 force = vector("disturbance", force, self.n)
         if self.bodies:
-            touches = [body.touch(x, part) for body, part in zip(self.bodies, self.body_states(y), strict=True)]
+            parts = self.parts_of_bodies(y[self._bodies_start :])
+            touches = [body.touch(x, part) for body, part in zip(self.bodies, parts, strict=True)]
             force = force + sum(touch.force for touch in touches)
-            self._bodies_rate = np.concatenate([touch.state_rate for touch in touches])
+            rates = [touch.state_rate for touch in touches]
+        features = None
         if self.scene is not None:
-            self._look(self.scene, x, y)
-        self.external_force = force
-        self._truth = Measured(force, features=self.features)
+            state = y[y.size - self._scene_size :]
+            features = self.scene.features(x, state)
+            if self._scene_size:
+                rates.append(self.scene.rate(x, state))
+        return Surroundings(force, np.concatenate(rates) if rates else _EMPTY, Measured(force, features=features))
 
-    def _look(self, scene: Scene, x: MechanicalState, y: Array) -> None:
-        """Bring the features, and the rate of the scene's state, up to date."""
-        state = y[y.size - self._scene_size :]
-        self.features = scene.features(x, state)
-        if self._scene_size:
-            touched = self._bodies_rate[: y.size - self._scene_size - self._bodies_start]
-            self._bodies_rate = np.concatenate((touched, scene.rate(x, state)))
-
-    def body_states(self, y: Array) -> list[Array]:
-        """Return each body's part of y."""
-        parts, start = [], self._bodies_start
+    def parts_of_bodies(self, states: Array) -> list[Array]:
+        """Return each body's own state, of an array that begins with all of them."""
+        parts, start = [], 0
         for body in self.bodies:
-            parts.append(y[start : start + body.state_size])
+            parts.append(states[start : start + body.state_size])
             start += body.state_size
         return parts
+
+    def _act(self, t: float, x: MechanicalState, y: Array, around: Surroundings, held: Held) -> tuple[Array, Array]:
+        """Return the applied torque and the rate of the controller's state."""
+        if held.torque is not None:
+            return held.torque, self._no_rate
+        measured = self._shown(x, around, held.measured)
+        state = y[self._end : self._bodies_start]
+        torque, state_rate = self.controller.evaluate(t, x.seen_by(self.model), state, measured)
+        limit = self.torque_limit
+        return torque if limit is None else clipped(torque, -limit, limit), state_rate
+
+    def _shown(self, x: MechanicalState, around: Surroundings, measured: Measured | None) -> Measured:
+        """Return what the controller is shown beside its state: what sensors show, or the truth."""
+        if measured is not None:
+            return measured
+        if not self._needs_total_force:
+            return around.truth
+        return around.truth._replace(total_force=x.total_force(around.external_force))
+
+
+class HeldLoop:
+    """A closed loop during one step: with what is held in it."""
+
+    def __init__(self, loop: ClosedLoop, held: Held) -> None:
+        self._loop, self._held, self.n = loop, held, loop.n
+        self.momentum, self.velocity = loop.momentum, loop.velocity
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return ẏ."""
+        return self._loop.evaluate(t, y, self._held).rate
+
+    def momentum_rate(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return ṗ and the rate of the controller's and the bodies' states."""
+        return self._loop.momentum_rate(t, y, self._held)

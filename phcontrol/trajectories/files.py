@@ -62,11 +62,11 @@ def read_frame_path(path: str | os.PathLike[str], frame: str, *, smoothing: floa
 
 def _read(path: str | os.PathLike[str], names: list[str], more: list[str] | None = None) -> Array:
     """Return the numbers of a file in the order of ``names``, and of ``more`` where it has these columns too."""
-    if Path(path).exists() and not Path(path).is_file():
-        raise DataFileError(f"cannot read the trajectory {path}: it is a folder, or a pipe or device without an end")
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise OSError("it is a folder, or a pipe or device without an end")
         text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets begin a file with a byte-order mark
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # bytes that are no text, a path that can be none
         raise DataFileError(f"cannot read the trajectory {path}: {error}") from error
     lines = [line.split(",") for line in text.splitlines() if line.strip()]
     if more and lines and len(lines[0]) > len(names):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
 from phcontrol._validation import Array, count, finite_array, positive, vector
-from phcontrol.exceptions import InvalidArgumentError, PHControlError, UnreachableTargetError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.trajectories.pose import Pose, pose
 from phcontrol.trajectories.splines import QuinticSpline
@@ -32,6 +32,15 @@ class Posture:
     """Of the frame's origin from the target [m]."""
     angle: float
     """Between the frame's orientation and the wished one [rad]; 0 when the orientation is free."""
+
+
+class UnreachableTargetError(PHControlError):
+    """No joint position inside the limits puts a frame at its target. ``nearest`` is the nearest posture found."""
+
+    def __init__(self, frame: str, robot: str, which: str, nearest: Posture) -> None:
+        away = f"{nearest.distance:.3g} m" + (f" and {nearest.angle:.3g} rad" if nearest.angle else "")
+        super().__init__(f"frame '{frame}' of {robot} does not reach its target{which}: it stays {away} away")
+        self.nearest = nearest
 
 
 def reach(

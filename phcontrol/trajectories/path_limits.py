@@ -9,11 +9,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, count, number, per_joint
-from phcontrol.exceptions import InvalidArgumentError, UnreachableTargetError
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import right_inverse
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
-from phcontrol.trajectories.inverse_kinematics import Posture
+from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError
 from phcontrol.trajectories.limits import ROUNDING
 from phcontrol.trajectories.minimum_jerk import usual_speed
 from phcontrol.trajectories.resolved_motion import LENGTH, SINGULAR_REGION, frame_damping, resolved_motion

@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, positive, vector
+from phcontrol._validation import Array, number, positive, vector
+from phcontrol._validation import rotation as check_rotation
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.vision.interaction import back_project, project
 from phcontrol.vision.pinhole_camera import PinholeCamera
@@ -45,7 +47,7 @@ class ObservedObject:
         for side in self.size:
             positive("size", side)
         self.length = float(self.size[0])
-        self.rotation = np.eye(3) if rotation is None else np.array(rotation, dtype=float)
+        self.rotation = np.eye(3) if rotation is None else check_rotation("rotation", rotation)
 
     @classmethod
     def seen_as(
@@ -63,8 +65,11 @@ class ObservedObject:
         camera = camera.mounted_on(x.system.robot)
         placement = x.placement(str(camera.frame))
         length = float(vector("size", size, 3)[0])
-        point = back_project(vector("features", features, 3), camera.focal_length, length)
-        rotation = placement.rotation @ pin.utils.rotate("z", turn)
+        seen = vector("features", features, 3)
+        if seen[2] == 0.0:
+            raise InvalidArgumentError("features", f"must have a length l other than 0, but are {seen}")
+        point = back_project(seen, camera.focal_length, length)
+        rotation = placement.rotation @ pin.utils.rotate("z", number("turn", turn))
         return cls(camera, placement.act(point), size, rotation)
 
     def record(self) -> dict[str, Any]:

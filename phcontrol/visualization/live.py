@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phcontrol._validation import positive
+from phcontrol._validation import flag, positive
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.page import page
 from phcontrol.visualization.server import PageServer, announce_page
@@ -40,7 +40,7 @@ class LiveView:
         announce: Callable[[PageServer], None] | None = None,
     ) -> None:
         self.period = 1.0 / positive("rate", rate)
-        self.real_time, self._announce = real_time, announce or announce_page
+        self.real_time, self._announce = flag("real_time", real_time), announce or announce_page
         self.server = PageServer(port)
         self._stage: Stage | None = None
         self._start = self._next = 0.0

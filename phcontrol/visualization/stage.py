@@ -10,11 +10,12 @@ import pinocchio as pin
 
 from phcontrol._validation import Array
 from phcontrol.environments.contact_geometry import JointContact, geometry_from_record
-from phcontrol.exceptions import PHControlError, UnknownNameError
+from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
+from phcontrol.visualization.drawn_arm import DrawnArm
 from phcontrol.visualization.recorded_robot import recorded_robot
-from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, robot_shapes, tinted
+from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, tinted
 from phcontrol.visualization.touched_bodies import JointBody, SphereBody, TouchedBody
 
 GHOST = (0.0, 0.45, 0.70, 0.22)
@@ -65,22 +66,14 @@ class Stage:
         confined: bool = False,
         foreign_bodies: bool = False,
     ) -> None:
-        self.robot, self.title = robot, title
-        self.data = robot.model.createData()
-        self._links = {
-            frame.name: index
-            for index, frame in enumerate(robot.model.frames)
-            if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-        }
-        shapes, self.notes = robot_shapes(robot, confined=confined)
-        if not any(shapes.values()):
-            shapes = self._skeleton()
-        self.link_shapes = {name: entries for name, entries in shapes.items() if entries and name in self._links}
-        self.trail = self._drawn_frame(robot.tool_frame or list(self._links)[-1])
-        self.nodes = [Node(f"robot/{link}", entries) for link, entries in self.link_shapes.items()]
-        moving = [link for link in self.link_shapes if robot.model.frames[self._links[link]].parentJoint > 0]
+        self.title = title
+        self.arm = DrawnArm(robot, confined=confined)
+        self.notes, shapes = self.arm.notes, self.arm.link_shapes
+        self.trail = self.arm.checked_frame(robot.tool_frame or list(self.arm.links)[-1])
+        self.nodes = [Node(f"robot/{link}", entries) for link, entries in shapes.items()]
+        moving = [link for link in shapes if robot.model.frames[self.arm.links[link]].parentJoint > 0]
         self._ghosts = moving if goal else []
-        self.nodes += [Node(f"goal/{link}", tinted(self.link_shapes[link], GHOST)) for link in self._ghosts]
+        self.nodes += [Node(f"goal/{link}", tinted(shapes[link], GHOST)) for link in self._ghosts]
         self.arrows: list[Arrow] = []
         self._contacts: list[TouchedBody] = []
         for number, record in enumerate(bodies):
@@ -90,7 +83,7 @@ class Stage:
         self._object: tuple[float, ...] | None = None
         if sight is not None:
             self._add_sight(sight, largest_features)
-        self._wrench_frames = tuple(self._drawn_frame(frame) for frame in wrench_frames)
+        self._wrench_frames = tuple(self.arm.checked_frame(frame) for frame in wrench_frames)
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
         joints_only = bool(self._contacts) and all(isinstance(contact, JointBody) for contact in self._contacts)
         self.values = [dict(value) for value in VALUES]
@@ -135,27 +128,21 @@ class Stage:
             foreign_bodies=foreign,
         )
 
-    def _drawn_frame(self, name: str) -> str:
-        """Return the name of a frame that is placed. Raises UnknownNameError, listing them."""
-        if not isinstance(name, str) or name not in self._links:
-            raise UnknownNameError("frame", str(name), self._links, f" of {self.robot.name}")
-        return name
-
     # --- one moment ---------------------------------------------------------------------------------
 
     def frame(self, time: float, position: Array, row: Mapping[str, Any]) -> Array:
         """Return one frame, shape (columns,), from the position and what ``Log.derive`` gives."""
-        here = self.placements(position)
+        here = self.arm.placements(position)
         parts: list[Any] = [time]
-        for link in self.link_shapes:
+        for link in self.arm.link_shapes:
             parts.extend(pose_of(here[link]))
         if self._ghosts:
-            there = self.placements(np.asarray(row["goal"]))
+            there = self.arm.placements(np.asarray(row["goal"]))
             for link in self._ghosts:
                 parts.extend(pose_of(there[link]))
         arrows: list[float] = []
         for contact, force, depth in zip(self._contacts, row["contact_forces"], row["contact_depths"], strict=False):
-            poses, arrow = contact.frame(self, position, here, float(force), float(depth))
+            poses, arrow = contact.frame(self.arm, position, here, float(force), float(depth))
             parts.extend(poses)
             arrows.extend(arrow)
         if self.image is not None:
@@ -181,11 +168,6 @@ class Stage:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))
         return np.array(parts, dtype=np.float64)
 
-    def placements(self, position: Array) -> dict[str, pin.SE3]:
-        """Return where every link is in the world at a position [rad]; leaves the joints' poses in ``data``."""
-        pin.framesForwardKinematics(self.robot.model, self.data, self.robot.full_position(position))
-        return {name: self.data.oMf[index].copy() for name, index in self._links.items()}
-
     # --- what stands in it --------------------------------------------------------------------------
 
     def _add_body(self, number: int, record: Mapping[str, Any], foreign: bool) -> None:
@@ -203,14 +185,14 @@ class Stage:
             raise PHControlError(f"its mesh {record.get('path')} is not opened because a log's file names it")
         geometry = geometry_from_record(record)
         if isinstance(geometry, JointContact):
-            return JointBody(self, number, geometry)
-        self._drawn_frame(geometry.frame)
+            return JointBody(self.arm, number, geometry)
+        self.arm.checked_frame(geometry.frame)
         return SphereBody(number, geometry, record)
 
     def _add_sight(self, sight: Mapping[str, Any], largest: Array | None) -> None:
         """Draw the camera's frustum and the object, and say how the image plane is to be drawn."""
         camera, seen, goal = sight["camera"], sight["object"], sight["goal"]
-        self._camera_frame = self._drawn_frame(camera["frame"])
+        self._camera_frame = self.arm.checked_frame(camera["frame"])
         marks = np.abs([value for value in (largest, goal) if value is not None] or [[1e-3] * 3]).max(axis=0)
         half = [
             known if known is not None else 1.2 * (float(marks[i]) + 0.5 * float(marks[2]))
@@ -228,21 +210,6 @@ class Stage:
             self._object = pose_of(pin.SE3(np.array(seen["rotation"]), np.array(seen["position"])))
             self.nodes.append(Node("object/box", [box]))
         self.image = {"width": 2.0 * half[0], "height": 2.0 * half[1], "goal": goal, "columns": 3}
-
-    def _skeleton(self) -> dict[str, list[Shape]]:
-        """Return a line from each joint to the next, and a dot at each joint, for a robot without shapes."""
-        model = self.robot.model
-        shapes: dict[str, list[Shape]] = {}
-        for name, index in self._links.items():
-            frame = model.frames[index]
-            ends = [
-                frame.placement.inverse().act(model.jointPlacements[child].translation)
-                for child in range(1, model.njoints)
-                if model.parents[child] == frame.parentJoint
-            ]
-            points = np.array([point for end in ends for point in (np.zeros(3), end)]).reshape(-1, 3)
-            shapes[name] = [Shape("sphere", (0.02,)), *([Shape("lines", points=points)] if ends else [])]
-        return shapes
 
     def extent(self, frames: Array) -> tuple[list[float], float]:
         """Return centre and radius [m] of what the nodes of some frames span."""

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
+from phcontrol.visualization.drawn_arm import DrawnArm
 from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, read_mesh, tinted
-
-if TYPE_CHECKING:
-    from phcontrol.visualization.stage import Stage
 
 BODY = (0.90, 0.55, 0.10, 0.45)
 PLATE = 0.6
@@ -28,7 +26,7 @@ class TouchedBody:
         self.arrows: list[Arrow] = []
 
     def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, arm: DrawnArm, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         """Return the poses of its nodes and its arrow."""
         return [], []
@@ -37,33 +35,33 @@ class TouchedBody:
 class JointBody(TouchedBody):
     """A body in a joint's way: the links that the joint moves, where they meet it; its force along the joint's axis."""
 
-    def __init__(self, stage: Stage, number: int, geometry: JointContact) -> None:
+    def __init__(self, arm: DrawnArm, number: int, geometry: JointContact) -> None:
         super().__init__()
-        self.geometry, robot = geometry, stage.robot
+        self.geometry, robot = geometry, arm.robot
         self.index = robot.joint_index(geometry.joint)
         moved = np.array(robot.home)
         moved[self.index] += 0.1
-        before, after = stage.placements(np.array(robot.home)), stage.placements(moved)
-        self.links = [name for name in stage.link_shapes if not before[name].isApprox(after[name], 1e-9)]
-        self.nodes = [Node(f"bodies/{number}/{name}", tinted(stage.link_shapes[name], BODY)) for name in self.links]
+        before, after = arm.placements(np.array(robot.home)), arm.placements(moved)
+        self.links = [name for name in arm.link_shapes if not before[name].isApprox(after[name], 1e-9)]
+        self.nodes = [Node(f"bodies/{number}/{name}", tinted(arm.link_shapes[name], BODY)) for name in self.links]
         self.arrows = [Arrow(f"contact moment on {geometry.joint}", "N·m")]
         self.joint = robot.model.getJointId(geometry.joint)
-        column = pin.computeJointJacobians(robot.model, stage.data, robot.full_position(moved))[
+        column = pin.computeJointJacobians(robot.model, arm.data, robot.full_position(moved))[
             :, robot.model.joints[self.joint].idx_v
         ]
         world = column[3:] if np.any(column[3:]) else column[:3]  # turns about its axis, or slides along it
-        self.axis = stage.data.oMi[self.joint].rotation.T @ world
+        self.axis = arm.data.oMi[self.joint].rotation.T @ world
 
     def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, arm: DrawnArm, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         """Return the links' poses where they touch, and the moment along the axis."""
         sign = 1.0 if self.geometry.side == "below" else -1.0
         touching = np.array(position)
         touching[self.index] = self.geometry.position - sign * depth
-        there = stage.placements(touching)
+        there = arm.placements(touching)
         poses = [value for name in self.links for value in pose_of(there[name])]
-        at_joint = stage.data.oMi[self.joint]
+        at_joint = arm.data.oMi[self.joint]
         return poses, [*at_joint.translation, *(sign * force * (at_joint.rotation @ self.axis))]
 
 
@@ -89,7 +87,7 @@ class SphereBody(TouchedBody):
         self.arrows = [Arrow(f"contact force on {geometry.frame}", "N")]
 
     def frame(
-        self, stage: Stage, position: Array, here: dict[str, pin.SE3], force: float, depth: float
+        self, arm: DrawnArm, position: Array, here: dict[str, pin.SE3], force: float, depth: float
     ) -> tuple[list[float], list[float]]:
         """Return the poses of shape and fingertip, and the force at its centre."""
         centre = here[self.geometry.frame]

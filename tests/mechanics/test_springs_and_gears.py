@@ -52,7 +52,7 @@ def test_gears_turn_torques_and_the_damping_behind_them():
 
 def test_an_arm_without_friction_loses_nothing():
     x = MechanicalSystem(load_robot("pera_shoulder"), friction=None).at([0.1, 0.2], [0.3, -0.4])
-    assert x.damping is None
+    np.testing.assert_array_equal(x.damping, np.zeros(x.system.n))
     np.testing.assert_array_equal(x.friction_torque, [0.0, 0.0])
     np.testing.assert_array_equal(x.damping_matrix, np.zeros((2, 2)))
     for form in ("coriolis", "canonical"):

@@ -9,6 +9,7 @@ import pytest
 from phcontrol import InvalidArgumentError, MechanicalSystem, StribeckFriction, UnknownNameError, load_robot
 from phcontrol.mechanics.robot import REFERENCES
 from phcontrol.mechanics.state import INTERCONNECTIONS
+from tests.conftest import make_system
 from tests.finite_differences import derivative, gradient, relative_error
 
 DERIVATIVE = 1e-7  # relative; fourth-order differences leave about 1e-11
@@ -226,3 +227,37 @@ def test_unknown_names_are_listed(pera):
 def test_bad_systems_are_refused(arguments, complaint):
     with pytest.raises(InvalidArgumentError, match=complaint):
         MechanicalSystem(load_robot("pera_shoulder"), **arguments)
+
+
+def test_another_system_sees_the_same_motion_with_its_own_model(shoulder):
+    x = shoulder.at([0.3, -0.2], [0.7, 0.4])
+    x.mass_matrix.flags.writeable = False  # whatever was computed of it
+    assert x.seen_by(shoulder) is x
+    model = MechanicalSystem(shoulder.robot, friction=None, gravity=(0.0, 0.0, 1.0))
+    view, expected = x.seen_by(model), model.at([0.3, -0.2], [0.7, 0.4])
+    assert view.system is model
+    np.testing.assert_array_equal(view.velocity, [0.7, 0.4])
+    np.testing.assert_array_equal(view.gravity, expected.gravity)
+    np.testing.assert_array_equal(view.friction_torque, [0.0, 0.0])
+    assert np.abs(x.gravity - view.gravity).max() > 1.0
+
+
+def test_the_view_of_an_arm_with_mimic_joints_has_them_too():
+    system = make_system("panda_with_fingers")
+    position, velocity = system.robot.home, np.linspace(0.1, 0.8, system.n)
+    twin = system.twin()
+    view = system.at(position, velocity).seen_by(twin)
+    assert type(view) is type(system.at(position))
+    np.testing.assert_array_equal(view.coriolis_matrix, twin.at(position, velocity).coriolis_matrix)
+
+
+def test_an_unknown_frame_of_reference_lists_those_there_are(system):
+    x = system.at(system.robot.home)
+    frame = system.robot.frame_names[-1]
+    methods = (x.frame_jacobian, x.frame_jacobian_rate, x.frame_jacobian_and_rate, x.frame_jacobian_derivative)
+    for method in methods:
+        for wrong in ("lokal", None, ["local"]):
+            with pytest.raises(
+                UnknownNameError, match=r"unknown frame of reference .*Known: local, local_world_aligned, world"
+            ):
+                method(frame, wrong)

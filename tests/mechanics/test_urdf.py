@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phcontrol import RobotDescriptionError, RobotDescriptionWarning, load_robot
-from phcontrol.experiments.certificate_survey import every_arm
 from phcontrol.mechanics.catalogue import find
+from phcontrol.runs.certificate_survey import every_arm
 from tests.mechanics.independent_urdf import compare
 
 ARM = """<robot name="arm">

@@ -49,19 +49,17 @@ from mutation_source import (
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = (
-    "analysis", "cli", "controllers", "environments", "experiments", "mechanics", "safety", "sensors", "simulation",
-    "top", "trajectories", "vision", "visualization",
+    "analysis", "cli", "controllers", "environments", "mechanics", "runs", "runtime", "safety", "sensors", "simulation",
+    "thesis", "top", "trajectories", "vision", "visualization",
 )  # fmt: skip
 MAP = ROOT / "results" / "mutation" / "map.json"
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 
 
 def modules(folder: str) -> list[str]:
-    """Return a folder's modules; "cli" is the command line, "top" every other module beside the folders."""
-    if folder == "cli":
-        return ["phcontrol/cli.py"]
+    """Return a folder's modules; "top" is the modules beside the folders."""
     paths = sorted((ROOT / "phcontrol" / ("" if folder == "top" else folder)).glob("*.py"))
-    return [str(path.relative_to(ROOT)) for path in paths if path.name not in ("cli.py", "_version.py")]
+    return [str(path.relative_to(ROOT)) for path in paths if path.name != "_version.py"]
 
 
 def digest(path: Path) -> str:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from phcontrol import INTEGRATORS, MechanicalSystem, StribeckFriction, load_robot, make_controller, simulate
-from phcontrol.simulation.closed_loop import ClosedLoop
+from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop
 from tests.simulation.idle import IdleLaw
 
 DURATION = 0.5
@@ -22,7 +22,7 @@ def smooth_loop():
     def force(t, x):
         return np.array([np.sin(3.0 * t), 1.0, -np.cos(t)])
 
-    loop = ClosedLoop(system, controller, force, None, None)
+    loop = ClosedLoop(system, controller, force).during(NOTHING_HELD)
     y0 = np.concatenate([system.robot.home, [0.5, -0.5, 1.0], np.zeros(3)])
     exact = solve_ivp(loop.rate, (0.0, DURATION), y0, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     return system, controller, force, exact

@@ -377,3 +377,30 @@ def test_too_short_a_log_has_no_power_balance():
     short = run(system, make_controller("energy_shaping", system), duration=2e-3)
     with pytest.raises(PHControlError, match="at least five samples"):
         short.power_balance()
+
+
+def test_each_quantity_costs_what_it_needs_and_once(monkeypatch):
+    """H_d over a run evaluates no promise; whatever was asked for before, the numbers are the same."""
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    law = make_controller("force_feedback", system)
+    log, other = (run(system, law, duration=0.02, disturbance=[0.5, 1.0]) for _ in range(2))
+    counts = {"target": 0, "storage": 0}
+
+    def counted(name, real):
+        def method(*arguments):
+            counts[name] += 1
+            return real(*arguments)
+
+        return method
+
+    for name in counts:
+        monkeypatch.setattr(law, name, counted(name, getattr(law, name)))
+    storage = log.storage
+    assert counts == {"target": 0, "storage": len(log)}
+    assert log.storage is storage
+    assert log.dissipated_power.shape == log.supplied_power.shape == (len(log),)
+    log.row(3)
+    assert counts == {"target": len(log), "storage": len(log)}
+    for k, name in ((5, "storage"), (5, "supplied_power"), (5, "kinetic_energy"), (5, "force_output")):
+        np.testing.assert_array_equal(other.row(k)[name], log.row(k)[name])
+        np.testing.assert_array_equal(other.derive(k)[name], log.row(k)[name])

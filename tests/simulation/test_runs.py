@@ -26,7 +26,7 @@ from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.closed_loop import torque_limit_of
 from phcontrol.simulation.integrators import INTEGRATORS
-from phcontrol.simulation.vector_field import ClosedLoop
+from phcontrol.simulation.vector_field import ClosedLoop, Held
 from phcontrol.vision.feature_flow import FeatureFlow
 from tests.conftest import make_system
 
@@ -180,21 +180,26 @@ def test_forces_of_disturbances_and_bodies_add_and_their_states_follow_each_othe
     assert all(np.abs(touch.force).max() > 0.0 for touch in touches)
     expected_bodies = np.concatenate([touches[0].state_rate, touches[2].state_rate, scene.rate(x, features)])
     for disturbance in (force, lambda t, x: t * force, lambda t, x: (t * force).tolist()):
-        loop = ClosedLoop(system, law, disturbance, None, None, bodies, scene=scene)
-        rate = loop.rate(1.0, y)
-        np.testing.assert_allclose(loop.external_force, total, atol=1e-12)
-        np.testing.assert_array_equal(loop.features, features)
+        loop = ClosedLoop(system, law, disturbance, None, bodies, scene)
+        rate, torque, external_force, seen = loop.evaluate(1.0, y)
+        np.testing.assert_allclose(external_force, total, atol=1e-12)
+        np.testing.assert_array_equal(seen, features)
+        np.testing.assert_array_equal(torque, loop.torque(1.0, y))
         np.testing.assert_array_equal(rate[:3], velocity)
-        np.testing.assert_allclose(rate[3:6], x.acceleration(loop.torque, total), atol=1e-9)
+        np.testing.assert_allclose(rate[3:6], x.acceleration(torque, total), atol=1e-9)
         np.testing.assert_allclose(rate[9:], expected_bodies, atol=1e-12)
         momentum_rate, states_rate = loop.momentum_rate(1.0, y)
-        np.testing.assert_allclose(momentum_rate, x.momentum_rate(loop.torque, total), atol=1e-9)
+        np.testing.assert_allclose(momentum_rate, x.momentum_rate(torque, total), atol=1e-9)
         np.testing.assert_allclose(states_rate, rate[6:], atol=1e-12)
         np.testing.assert_allclose(loop.momentum(y), x.mass_matrix @ velocity, atol=1e-12)
         np.testing.assert_allclose(loop.velocity(q, loop.momentum(y)), velocity, atol=1e-9)
-        held = ClosedLoop(system, law, disturbance, None, 1e-3, bodies, scene=scene)
-        np.testing.assert_array_equal(held.rate(1.0, y)[6:9], np.zeros(3))  # between samples the law's state rests
-        np.testing.assert_allclose(held.rate(1.0, y)[9:], expected_bodies, atol=1e-12)
+        held = Held(torque=np.array([1.0, -2.0, 3.0]))
+        rate, torque, _, _ = loop.evaluate(1.0, y, held)
+        assert torque is held.torque
+        np.testing.assert_allclose(rate[3:6], x.acceleration(held.torque, total), atol=1e-9)
+        np.testing.assert_array_equal(rate[6:9], np.zeros(3))  # between samples the law's state rests
+        np.testing.assert_allclose(rate[9:], expected_bodies, atol=1e-12)
+        np.testing.assert_array_equal(loop.during(held).rate(1.0, y), rate)
 
 
 def test_a_force_that_is_no_vector_is_refused_where_it_shows(shoulder):

@@ -51,7 +51,7 @@ class Filter:
 
 def sampled(law, **options):
     control = SampledControl(law, PERIOD, **options)
-    return control, SimpleNamespace(system=Law.system, position=np.zeros(2), velocity=np.zeros(2))
+    return control, SimpleNamespace(system=Law.system, seen_by=lambda system: None)
 
 
 def test_a_laws_state_goes_on_by_its_rate_once_a_period():
@@ -69,17 +69,17 @@ def test_a_torque_is_clipped_to_its_limits_on_both_sides_and_remembered():
     law = Law()
     control, x = sampled(law, torque_limit=np.array([1.0, 2.0]))
     assert control.torque is None
-    for wished, applied in [([3.0, -3.0], [1.0, -2.0]), ([-3.0, 3.0], [-1.0, 2.0]), ([0.5, -1.5], [0.5, -1.5])]:
-        law.torque = np.array(wished)
+    for desired, applied in [([3.0, -3.0], [1.0, -2.0]), ([-3.0, 3.0], [-1.0, 2.0]), ([0.5, -1.5], [0.5, -1.5])]:
+        law.torque = np.array(desired)
         np.testing.assert_array_equal(control.step(0.0, x, np.zeros(0), NOTHING), applied)
         np.testing.assert_array_equal(control.torque, applied)
-        np.testing.assert_array_equal(control.wished, wished)
+        np.testing.assert_array_equal(control.desired, desired)
 
 
 def test_the_filter_is_given_the_last_torque_and_is_clipped_after():
     law = Law()
     control, x = sampled(law, torque_limit=np.array([1.0, 2.0]))
-    control.filter, control._same_model = Filter(), True
+    control.filter = Filter()
     law.torque = np.array([1.0, 8.0])
     np.testing.assert_array_equal(control.step(0.0, x, np.zeros(0), NOTHING), [0.5, 2.0])
     control.filter.storage = True
@@ -97,7 +97,7 @@ def test_energy_that_the_filter_had_to_give_is_taken_out_of_the_laws_state(share
     law, state = Law(), np.array([3.0, 0.5])
     available = law.storage(0.0, None, state)
     control, x = sampled(law)
-    control.filter, control._same_model = Filter(share * available / (2.0 * PERIOD)), True
+    control.filter = Filter(share * available / (2.0 * PERIOD))
     control.step(0.0, x, state, NOTHING)
     left = law.storage(0.0, x, control.advance(state))
     assert left == pytest.approx(available * (1.0 - min(1.0, share)), abs=1e-12)
@@ -140,11 +140,12 @@ def test_sensors_are_due_at_their_periods_and_see_the_mean_torque_since():
     """The torque goes within each step from what was applied at its start to what the loop ends it with."""
     slow, fast = Noting("external_force", 0.2), Noting("total_force", None)
     instruments = Instruments([slow, fast], 0.1)
-    loop = SimpleNamespace(n=2, external_force=np.zeros(2), torque=np.zeros(2), plant_state=lambda t, y: None)
+    around = SimpleNamespace(external_force=np.zeros(2))
+    loop = SimpleNamespace(n=2, plant_state=lambda y: None, surroundings=lambda t, x, y: around)
     shown = []
     for k in range(5):
-        loop.torque = np.array([k + 0.5, 0.0])  # at the end of step k − 1
-        shown.append(instruments.observe(k, 0.1 * k, loop, np.zeros(4)))
+        loop.torque = lambda t, y, held, k=k: np.array([k + 0.5, 0.0])  # at the end of step k − 1
+        shown.append(instruments.observe(k, 0.1 * k, loop, np.zeros(4), None))
         instruments.applied(np.array([float(k), -1.0]))  # at the start of step k
     steps = [[0.5 * (k + k + 1.5), -0.5] for k in range(4)]
     assert [torque for _, torque in fast.notes] == [[0.0, 0.0], *steps]

@@ -72,3 +72,8 @@ def test_what_is_no_text_is_refused(tmp_path):
     for name in ("binary.csv", "missing.csv"):
         with pytest.raises(DataFileError, match=f"cannot read the trajectory .*{name}"):
             read_trajectory(tmp_path / name, ROBOT)
+
+
+def test_a_path_that_can_be_none_is_refused_like_any_other():
+    with pytest.raises(DataFileError, match="cannot read the trajectory"):
+        read_trajectory("\0", ROBOT)

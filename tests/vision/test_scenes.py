@@ -122,3 +122,34 @@ def test_a_run_without_scene_has_no_features():
     log = simulate(system, make_controller("energy_shaping", system), duration=0.01)
     with pytest.raises(PHControlError, match="no image features"):
         _ = log.features
+
+
+@pytest.mark.parametrize(
+    ("rotation", "message"),
+    [
+        (2.0 * np.eye(3), "must be a rotation matrix"),
+        (np.zeros((3, 3)), "must be a rotation matrix"),
+        (np.diag([1.0, 1.0, -1.0]), "must be a rotation matrix"),
+        (np.eye(2), "must be a rotation matrix of shape"),
+        (np.full((3, 3), np.nan), "must be finite"),
+        ("turned", "must be an array"),
+    ],
+)
+def test_an_object_turned_by_no_rotation_is_refused(rotation, message):
+    with pytest.raises(InvalidArgumentError, match=f"rotation: {message}"):
+        ObservedObject(PinholeCamera(), [0.0, 0.0, 0.5], rotation=rotation)
+
+
+def test_the_rotation_of_an_object_is_a_copy():
+    given = np.eye(3)
+    scene = ObservedObject(PinholeCamera(), [0.0, 0.0, 0.5], rotation=given)
+    given[0, 0] = 5.0
+    np.testing.assert_array_equal(scene.rotation, np.eye(3))
+
+
+def test_an_object_is_not_seen_without_a_length():
+    arm = make_system("pera")
+    with pytest.raises(InvalidArgumentError, match="features: must have a length l other than 0"):
+        ObservedObject.seen_as(PinholeCamera(), [1e-3, 2e-3, 0.0], arm.at(arm.robot.home))
+    with pytest.raises(InvalidArgumentError, match="turn: must be finite"):
+        ObservedObject.seen_as(PinholeCamera(), [1e-3, 2e-3, 2e-3], arm.at(arm.robot.home), turn=np.nan)

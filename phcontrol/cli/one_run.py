@@ -1,0 +1,44 @@
+"""One run of an arm under a law: made, reported, written, shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.runs.position import PositionRun, run_position
+from phcontrol.simulation.simulation_error import SimulationError
+
+
+def run_and_write(
+    system: MechanicalSystem,
+    folder: Path,
+    showing: Showing,
+    study: Callable[..., PositionRun] = run_position,
+    **arguments: Any,
+) -> None:
+    """Run, print the summary, write and show the results; exit code 1 when the certificate failed."""
+    check_writable(folder, showing.record)
+    with watching(showing) as watch:
+        result = _run(study, system, folder, watch=watch, **arguments)
+        typer.echo(result.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(folder)))
+        record_logs({"": result.log}, showing.record)
+        if watch is not None:
+            watch.linger(result.log)
+    if not result.certificate.passed:
+        raise typer.Exit(1)
+
+
+def _run(study: Callable[..., PositionRun], system: MechanicalSystem, folder: Path, **arguments: Any) -> PositionRun:
+    """Run, and when the run fails keep what there is of its log."""
+    try:
+        return study(system, **arguments)
+    except SimulationError as error:
+        if len(error.log):
+            typer.echo(f"kept the log so far in {error.log.save(folder / 'log-stopped.npz')}", err=True)
+        raise

@@ -1,0 +1,41 @@
+"""The options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phcontrol.mechanics.state import INTERCONNECTIONS
+
+RobotOption = Annotated[str, typer.Option(help="A shipped robot, a URDF file, or a name of example-robot-data.")]
+LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
+FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
+ArmatureOption = Annotated[
+    str | None,
+    typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
+]
+StepOption = Annotated[
+    float | None, typer.Option(help="Step of the integrator [s]. Default: 1 ms, or less if friction asks for it.")
+]
+ReachOption = Annotated[
+    str | None,
+    typer.Option(help="Goal for a frame instead of the joints: a point x,y,z in the world [m] (needs Pink)."),
+]
+FrameOption = Annotated[str | None, typer.Option(help="The frame of --reach. Default: the tool, or the last frame.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+ViewOption = Annotated[bool, typer.Option("--view", help="Watch in a browser, at the pace of the clock.")]
+RecordOption = Annotated[
+    Path | None, typer.Option(help="Write a page that plays the run, to be opened offline.", metavar="FILE.html")
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option(
+        min=0, max=65535, help="To serve the view on; 0 for any free one. Default: the first free one from 7000."
+    ),
+]

@@ -1,0 +1,65 @@
+"""``phcontrol run servo``, and ``run LAW`` for the laws that steer by an image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli.arm import system_of
+from phcontrol.cli.one_run import run_and_write
+from phcontrol.cli.options import (
+    ArmatureOption,
+    FormOption,
+    LockOption,
+    PortOption,
+    RecordOption,
+    RobotOption,
+    SetOption,
+    ViewOption,
+)
+from phcontrol.cli.showing import Showing
+from phcontrol.cli.texts import numbers_of, settings_of
+from phcontrol.runs.servo import run_servo
+
+
+def servo(
+    robot: RobotOption = "pera",
+    controller: Annotated[str, typer.Option(help="reduction_servo or hamiltonian_servo.")] = "hamiltonian_servo",
+    interconnection: FormOption = "coriolis",
+    start: Annotated[
+        str, typer.Option(help="Where the object is in the image at home: mu,nu,l [m].")
+    ] = "0.004,0.003,0.0028",
+    goal: Annotated[str, typer.Option(help="Where it should be: mu,nu,l [m].")] = "0,0,0.002",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 6.0,
+    dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 2e-3,
+    camera_rate: Annotated[
+        float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
+) -> None:
+    """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
+    run_and_write(
+        system_of(robot, lock, armature),
+        out,
+        Showing(view, record, port),
+        study=run_servo,
+        controller=controller,
+        start=numbers_of("--start", start),
+        goal=numbers_of("--goal", goal),
+        interconnection=interconnection,
+        samples=samples,
+        camera_rate=camera_rate,
+        options=settings_of(settings, "goal", "interconnection"),
+        duration=duration,
+        dt=dt,
+    )

@@ -1,0 +1,36 @@
+"""``phcontrol run STUDY``: a command for every study of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phcontrol.cli.options import PortOption, RecordOption
+from phcontrol.cli.showing import check_port_is_used, check_writable, record_logs, show
+from phcontrol.thesis.registry import run_study
+
+
+def study_command(name: str) -> Callable[..., None]:
+    """Return ``run NAME``: run a study, and write its figures, logs and claims."""
+
+    def command(
+        out: Annotated[Path | None, typer.Option(help="Folder. Default: results/NAME.")] = None,
+        view: Annotated[bool, typer.Option("--view", help="Then play its runs in a browser.")] = False,
+        record: RecordOption = None,
+        port: PortOption = None,
+    ) -> None:
+        folder = Path("results") / name if out is None else out
+        check_writable(folder, record)
+        if not view:
+            check_port_is_used(port)
+        outcome = run_study(name)
+        typer.echo(outcome.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)))
+        record_logs(outcome.logs, record)
+        if view:
+            show(outcome.logs, port)
+
+    return command

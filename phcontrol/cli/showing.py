@@ -1,0 +1,77 @@
+"""Where the results of a run go, and how it is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import typer
+
+from phcontrol._files import check_file_place, check_folder
+from phcontrol.exceptions import DataFileError, InvalidArgumentError
+from phcontrol.mechanics.robot import Robot
+from phcontrol.simulation.log import Log
+
+if TYPE_CHECKING:
+    from phcontrol.visualization.live import LiveView
+
+
+class Showing(NamedTuple):
+    """How a run is to be shown."""
+
+    view: bool = False
+    record: Path | None = None
+    port: int | None = None
+
+
+@contextmanager
+def watching(showing: Showing) -> Iterator[LiveView | None]:
+    """Give a live view, or nothing where none is wished."""
+    if not showing.view:
+        check_port_is_used(showing.port)
+        yield None
+        return
+    from phcontrol.visualization.live import LiveView
+
+    with LiveView(port=showing.port) as live:
+        yield live
+
+
+def check_port_is_used(port: int | None) -> None:
+    """Refuse a --port that nothing would be served on."""
+    if port is not None:
+        raise InvalidArgumentError("--port", "is the port of --view, which is not given")
+
+
+def record_logs(logs: Mapping[str, Log], path: Path | None) -> None:
+    """Write a page for each log; with several, the log's name is added to the file's."""
+    if path is None:
+        return
+    from phcontrol.visualization.recording import record
+
+    for name, log in logs.items():
+        target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
+        typer.echo(f"recorded {record(log, target)}")
+
+
+def show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:
+    """Serve the pages of logs, one after another when the last is stopped."""
+    from phcontrol.visualization.recording import recorded_page
+    from phcontrol.visualization.server import view
+
+    for name, log in logs.items():
+        if name:
+            typer.echo(f"{name}:")
+        view(recorded_page(log, robot=robot), port=port)
+
+
+def check_writable(folder: Path, record: Path | None = None) -> None:
+    """Find out before a long run, not after it, that its results cannot be written."""
+    try:
+        check_folder(folder)
+    except OSError as error:
+        raise DataFileError(f"cannot write to --out {folder}: {error.strerror or error}") from error
+    if record is not None:
+        check_file_place(record)

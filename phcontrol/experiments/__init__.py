@@ -1,1 +1,0 @@
-"""Studies: a scenario in, a log and what it shows out."""

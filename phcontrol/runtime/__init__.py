@@ -1,0 +1,1 @@
+"""A law on an arm, in real time."""

@@ -1,0 +1,200 @@
+"""Thesis figure 5.3: visual servoing of the three-joint arm with both laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from phcontrol.analysis.certify import certify
+from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
+from phcontrol.controllers.reduction_servo import ReductionServo
+from phcontrol.controllers.visual_servo import OBJECT_LENGTH, VisualServo
+from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.log import Log
+from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.measures import feature_settling_time
+from phcontrol.thesis.study import Outcome
+from phcontrol.vision.feature_flow import FeatureFlow
+from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.observed_object import ObservedObject
+from phcontrol.vision.pinhole_camera import PinholeCamera
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+START = np.array([0.038, 0.0072, 0.010])  # τ(0) [m]
+GOAL = np.array([0.0, 0.0, 0.002])  # τ_d [m]
+PRINTED_GAIN = np.array([1.0, 1.0, 0.5])  # diagonal of K_τ [rad/s/m]
+PRINTED_DAMPING = 0.5  # K_p and C [1/s]
+MOUNTINGS = 2000
+BOUNDS = (1e-3, 1e-4, 1e-5)  # [m]
+TITLES = {
+    "reduction": "reduction, K_τ as printed",
+    "reduction-100": "reduction, K_τ 100 times larger",
+    "reduction-inverse": "reduction, K_τ = ½Δ̄(goal)†, K = 5",
+    "hamiltonian": "Hamiltonian, gains as printed",
+    "hamiltonian-fast": "Hamiltonian, Λ = 2, K = 1000, C = 5",
+}
+
+
+@dataclass(frozen=True)
+class _Case:
+    law: VisualServo
+    duration: float  # [s]
+    dt: float  # [s]
+    expected: tuple[float, float, float]
+    """Times to 1 mm, 0.1 mm and 10 µm of an independent simulation, made before this one [s]."""
+
+
+def run() -> Outcome:
+    """Run both laws with the printed gains, and with gains that suit them."""
+    system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
+    cases = _cases(system)
+    camera = PinholeCamera().mounted_on(system.robot)
+    scene = FeatureFlow(camera, START, OBJECT_LENGTH)
+    logs = {
+        name: simulate(system, case.law, duration=case.duration, dt=case.dt, scene=scene)
+        for name, case in cases.items()
+    }
+    times = {name: [feature_settling_time(log, GOAL, bound) for bound in BOUNDS] for name, log in logs.items()}
+    stability = certify(cases["reduction"].law, samples=20, log=logs["reduction"]).conditions
+    return Outcome(
+        "fig-5-3",
+        "visual servoing of the three-joint arm (thesis section 5.4)",
+        logs,
+        _claims(cases, logs, times),
+        {"fig-5-3": lambda: _figure(logs), "convergence": lambda: _convergence(logs)},
+        notes=(
+            "the thesis gives neither the posture at the start nor how the camera is mounted: chosen q(0) = (0, 0.7, "
+            "-1.8) rad and the camera's x, y, z along y3, z3, x3; L = 38 mm.",
+            "with the printed K_tau: "
+            + ", ".join(f"{name} {value:.2g}" for name, value in stability.items())
+            + ": positive stable, but slow.",
+            f"over random postures and mountings of the camera the printed K_tau is positive stable at the goal in "
+            f"{100.0 * _stable_share(system):.0f} % of {MOUNTINGS}.",
+        ),
+    )
+
+
+def _cases(system: MechanicalSystem) -> dict[str, _Case]:
+    at_start = system.at(system.robot.home)
+    goal = goal_posture(system, ObservedObject.seen_as(PinholeCamera(), START, at_start), GOAL)
+    printed: dict[str, Any] = {"goal": GOAL, "damping": PRINTED_DAMPING}
+    return {
+        "reduction": _Case(
+            ReductionServo(system, **printed, feature_gain=PRINTED_GAIN, posture=goal),
+            1700.0,
+            4e-2,
+            (167.0, 758.0, 1572.0),
+        ),
+        "reduction-100": _Case(
+            ReductionServo(system, **printed, feature_gain=100.0 * PRINTED_GAIN, posture=goal),
+            20.0,
+            2e-3,
+            (2.0, 7.9, 16.0),
+        ),
+        "reduction-inverse": _Case(
+            ReductionServo(system, goal=GOAL, damping=5.0, posture=goal, rate=0.5), 16.0, 2e-3, (3.4, 7.7, 12.3)
+        ),
+        "hamiltonian": _Case(
+            HamiltonianServo(system, **printed, rate=1.0, stiffness=1.0, singular_damping=0.0),
+            12.0,
+            2e-3,
+            (3.7, 6.0, 8.4),
+        ),
+        "hamiltonian-fast": _Case(
+            HamiltonianServo(system, goal=GOAL, rate=2.0, stiffness=1e3, damping=5.0), 6.0, 2e-3, (1.4, 2.6, 3.7)
+        ),
+    }
+
+
+def _stable_share(system: MechanicalSystem) -> float:
+    """Return in which part of random postures and mountings Δ̄K_τ is positive stable at the goal, K_τ as printed."""
+    generator = np.random.default_rng(0)
+    delta = interaction_matrix(GOAL, PinholeCamera().focal_length, OBJECT_LENGTH)
+    stable = 0
+    for _ in range(MOUNTINGS):
+        turn = Rotation.random(random_state=generator).as_matrix().T
+        jacobian = system.at(generator.uniform(-np.pi, np.pi, system.n)).frame_jacobian("tool", "local")
+        turned = np.vstack([turn @ jacobian[:3], turn @ jacobian[3:]])
+        stable += bool(np.linalg.eigvals(delta @ turned * PRINTED_GAIN).real.min() > 0.0)
+    return stable / MOUNTINGS
+
+
+def _claims(cases: dict[str, _Case], logs: dict[str, Log], times: dict[str, list[float]]) -> list[Claim]:
+    left = {name: float(np.abs(log.features[-1] - GOAL).max()) for name, log in logs.items()}
+    claims = [
+        Claim(
+            "converges-reduction", "the errors of the features go to zero with the reduction law", "section 5.4.2",
+            (0.0,), (1e3 * left["reduction"],), "mm", 0.01, "E16 to E18",
+            f"after {logs['reduction'].time[-1]:.0f} s",
+        ),
+        Claim(
+            "converges-hamiltonian", "and with the Hamiltonian law", "section 5.4.2", (0.0,),
+            (1e3 * left["hamiltonian"],), "mm", 0.01, "E16, E17 and E19", f"after {logs['hamiltonian'].time[-1]:.0f} s",
+        ),
+        Claim(
+            "reduction-is-better",
+            "the reduction law performs better: time to 0.1 mm over that of the Hamiltonian law, at most 1",
+            "section 5.4.2", (0.5,), (times["reduction"][1] / times["hamiltonian"][1],), "", 0.5, "",
+            "the printed K_tau multiplies features in metres, so that the eigenvalues of image Jacobian times K_tau at "
+            "the goal are as small as 0.002/s; 100 times larger, or built on the inverse, the reduction law comes near",
+        ),
+    ]  # fmt: skip
+    for name, case in cases.items():
+        claims.append(
+            Claim(
+                f"times-{name}", f"{TITLES[name]}: times to 1 mm, 0.1 mm and 10 µm", "an independent simulation",
+                case.expected, tuple(times[name]), "s", 0.1 * min(case.expected),
+            )
+        )  # fmt: skip
+    return claims
+
+
+def _figure(logs: dict[str, Log]) -> Figure:
+    from matplotlib.figure import Figure
+
+    from phcontrol.visualization.plots import COLORS, plot_features
+
+    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    figure.suptitle("Figure 5.3: errors of the image features, thesis's gains (solid and dashed), and others (thin)")
+    styles: dict[str, dict[str, Any]] = {
+        "reduction": {"color": COLORS[0]},
+        "hamiltonian": {"color": COLORS[1], "linestyle": "--"},
+        "reduction-100": {"color": COLORS[0], "linewidth": 0.8, "linestyle": ":"},
+        "hamiltonian-fast": {"color": COLORS[1], "linewidth": 0.8, "linestyle": ":"},
+    }
+    for part, axes in enumerate(figure.subplots(1, 3)):
+        for name, style in styles.items():
+            plot_features(axes, logs[name], GOAL, part, label=TITLES[name], **style)
+        axes.set_xlim(0.0, 12.0)
+        axes.set_title(f"({'abc'[part]}) {axes.get_title()}", fontsize=10)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _convergence(logs: dict[str, Log]) -> Figure:
+    from matplotlib.figure import Figure
+
+    from phcontrol.visualization.plots import COLORS
+
+    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    axes = figure.subplots()
+    for color, (name, log) in zip(COLORS, logs.items(), strict=False):
+        error = np.abs(log.features - GOAL).max(axis=1)
+        axes.loglog(log.time[1:], np.maximum(1e3 * error[1:], 1e-4), color=color, label=TITLES[name])
+    for bound in BOUNDS:
+        axes.axhline(1e3 * bound, color="black", linewidth=0.5, linestyle=":")
+    axes.set(
+        xlabel="t [s]", ylabel="largest error of a feature [mm]", xlim=(0.1, 2e3), ylim=(3e-4, 60.0),
+        title="Both laws, five sets of gains",
+    )  # fmt: skip
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.25)
+    return figure

@@ -1,0 +1,59 @@
+"""An arm as it is drawn: the shapes of its links, and where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from phcontrol._validation import Array
+from phcontrol.exceptions import UnknownNameError
+from phcontrol.mechanics.robot import Robot
+from phcontrol.visualization.shapes import Shape, robot_shapes
+
+
+class DrawnArm:
+    """The links of an arm with what is drawn of each; lines from joint to joint for an arm without shapes.
+
+    Args:
+        robot: the arm.
+        confined: whether of the robot's meshes only those in its package directories are opened.
+    """
+
+    def __init__(self, robot: Robot, *, confined: bool = False) -> None:
+        self.robot = robot
+        self.data = robot.model.createData()
+        self.links = {
+            frame.name: index
+            for index, frame in enumerate(robot.model.frames)
+            if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        }
+        shapes, self.notes = robot_shapes(robot, confined=confined)
+        if not any(shapes.values()):
+            shapes = self._skeleton()
+        self.link_shapes = {name: entries for name, entries in shapes.items() if entries and name in self.links}
+
+    def checked_frame(self, name: str) -> str:
+        """Return the name of a frame that is placed. Raises UnknownNameError, listing them."""
+        if not isinstance(name, str) or name not in self.links:
+            raise UnknownNameError("frame", str(name), self.links, f" of {self.robot.name}")
+        return name
+
+    def placements(self, position: Array) -> dict[str, pin.SE3]:
+        """Return where every link is in the world at a position [rad]; leaves the joints' poses in ``data``."""
+        pin.framesForwardKinematics(self.robot.model, self.data, self.robot.full_position(position))
+        return {name: self.data.oMf[index].copy() for name, index in self.links.items()}
+
+    def _skeleton(self) -> dict[str, list[Shape]]:
+        """Return a line from each joint to the next, and a dot at each joint, for a robot without shapes."""
+        model = self.robot.model
+        shapes: dict[str, list[Shape]] = {}
+        for name, index in self.links.items():
+            frame = model.frames[index]
+            ends = [
+                frame.placement.inverse().act(model.jointPlacements[child].translation)
+                for child in range(1, model.njoints)
+                if model.parents[child] == frame.parentJoint
+            ]
+            points = np.array([point for end in ends for point in (np.zeros(3), end)]).reshape(-1, 3)
+            shapes[name] = [Shape("sphere", (0.02,)), *([Shape("lines", points=points)] if ends else [])]
+        return shapes

@@ -1,0 +1,87 @@
+"""Every study runs, writes what it says, and its verdicts are those that were looked at."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+
+import pytest
+
+from phcontrol import InvalidArgumentError, UnknownNameError
+from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.registry import STUDIES, run_study
+from phcontrol.thesis.tracking import AMPLITUDE, SHARP, error_table
+
+GRASP_TIMES = {f"settled-{law}" for law in ("grasping", "classical-compensated", "classical")}
+GRASP_IMPACTS = {f"impact-{law}" for law in ("grasping", "classical-compensated", "classical")}
+NOT_REPRODUCED = {
+    "fig-2-3": {"closing-as-printed"},
+    "fig-3-1": {"modeled-shift-at-10s"},
+    "fig-4-1": set(),
+    "fig-4-2": {"contact-grasping", "contact-classical"},
+    "fig-4-3": GRASP_TIMES | GRASP_IMPACTS,
+    "fig-4-4": {"contact-grasping", "contact-classical"},
+    "fig-4-5": GRASP_TIMES | GRASP_IMPACTS - {"impact-grasping"} | {"impact-regulated"},
+    "fig-4-7": {"contact-grasping"},
+    "fig-4-8": {"impact-classical-compensated", "impact-classical", "settled-grasping"},
+    "fig-4-9": {"contact-grasping"},
+    "fig-4-10": {"impact-classical", "settled-grasping", "impact-regulated"},
+    "fig-6-1": set(),
+    "fig-6-2": {"error"},
+    "fig-6-3": set(),
+    "fig-6-4": {"higher-frequency-smaller-error", "error-at-slowest"},
+    "track-pera": {"hold"},
+    "pera-press": set(),
+    "grasp-grid": {"contact", "impact", "settled"},
+    "fig-5-3": {"reduction-is-better"},
+    "servo-pera": {"positive-stable"},
+    "servo-images": set(),
+}
+
+
+@cache
+def run_once(name):
+    return run_study(name)
+
+
+@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in STUDIES])
+def outcome(request):
+    return run_once(request.param)
+
+
+def test_verdicts_are_those_reported(outcome):
+    verdicts = {claim.name: claim.verdict for claim in outcome.claims}
+    assert {name for name, verdict in verdicts.items() if verdict == "not reproduced"} == NOT_REPRODUCED[outcome.name]
+
+
+def test_everything_is_written(outcome, tmp_path):
+    paths = outcome.write(tmp_path)
+    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
+    data = json.loads((tmp_path / "claims.json").read_text())
+    assert [claim["name"] for claim in data["claims"]] == [claim.name for claim in outcome.claims]
+    assert outcome.figures
+    for name in outcome.figures:
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+def test_model_errors_of_the_tracking_study():
+    """Theory: friction 20 % wrong 6.3 mrad, none 33, viscous left out F_v A ω/K_t, 3 N·m unmeasured 3/K_t."""
+    peaks = error_table(SHARP)
+    expected = {"friction-low": 6.3e-3, "friction-high": 6.3e-3, "no-friction": 33e-3, "unmeasured-force": 3.0 / 45.0}
+    expected |= dict.fromkeys(("no-viscous", "twice-viscous"), 4.119 * AMPLITUDE * 2.0 * math.pi / 30.0 / 45.0)
+    for name, value in expected.items():
+        assert peaks[name] == pytest.approx(value, rel=0.1), name
+    assert peaks["exact"] < 1e-9
+
+
+def test_a_claim_that_is_not_reproduced_must_say_why():
+    claim = Claim("x", "x is 1", "nowhere", (1.0,), (2.0,), "rad", 0.1)
+    with pytest.raises(InvalidArgumentError, match="must say why"):
+        _ = claim.verdict
+    assert Claim("x", "x is 1", "nowhere", (1.0,), (1.05,), "rad", 0.1, "E9").verdict == "reproduced with correction E9"
+
+
+def test_unknown_studies_are_listed():
+    with pytest.raises(UnknownNameError, match="unknown study 'fig-9'.*fig-3-1"):
+        run_study("fig-9")
