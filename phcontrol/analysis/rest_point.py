@@ -11,10 +11,10 @@ from scipy.linalg import eig
 from phcontrol._differences import jacobian
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
-from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
 
 _STEPS = (1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; for each column the best is taken
 _ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
@@ -126,27 +126,25 @@ class _Neighbourhood:
         away: Array = position - self._posture
         return self._rest_force - self._spring @ away
 
-    def _seen(self, y: Array) -> tuple[MechanicalState, MechanicalState, Array, Measured, Array]:
-        """Return plant, the law's view of it, its state, what it measures, and the external force."""
-        n, law = self._n, self._law
-        x, force = self._plant.at(y[:n], y[n : 2 * n]), self._force(y[:n])
-        view = x if law.system is self._plant else law.system.at(y[:n], y[n : 2 * n])
-        return x, view, y[2 * n :], measure_truly(x, force, law.needs, self._scene), force
+    def _seen(self, y: Array) -> Seen:
+        """Return the law at y, under the force that the environment exerts there."""
+        n = self._n
+        at = SampledState(self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), self._scene, "")
+        return Seen.of(self._law, self._plant, at)
 
     def _rate(self, y: Array) -> Array:
         """Return ẏ of the true closed loop."""
-        x, view, state, measured, force = self._seen(y)
-        command = self._law.evaluate(self._time, view, state, measured)
-        return np.concatenate([x.velocity, x.acceleration(command.torque, force), command.state_rate])
+        seen = self._seen(y)
+        at, command = seen.at, seen.command()
+        acceleration = self._plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
+        return np.concatenate([at.velocity, acceleration, command.state_rate])
 
     def _gradient(self, y: Array) -> Array:
         """Return ∇H_d with respect to the target's coordinates."""
-        _, view, state, measured, _ = self._seen(y)
-        return self._law.target(self._time, view, state, measured).gradient
+        return self._seen(y).promise().gradient
 
     def _coordinates(self, y: Array) -> Array:
-        _, view, state, measured, _ = self._seen(y)
-        return self._law.coordinates(self._time, view, state, measured)
+        return self._seen(y).coordinates()
 
     # --- what is found ----------------------------------------------------------------------------------
 
