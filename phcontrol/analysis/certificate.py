@@ -78,6 +78,10 @@ class Certificate:
     """What drives the loop from outside: it is port-Hamiltonian with that as an input, and not passive without it."""
     caveat: str = ""
     """What the law itself does not claim."""
+    drive_power: float | None = None
+    """The most that what drives the loop brings in or takes out at the sampled states [W]; None without a drive."""
+    jump_at_switches: float | None = None
+    """Largest change of H_d where another law takes over, at some of the sampled states [J]; None without a switch."""
     error: str = ""
     """What the law raised where it should have answered."""
     conditions: dict[str, float] = field(default_factory=dict)
@@ -192,6 +196,7 @@ class Certificate:
 
     def __str__(self) -> str:
         slowest = f", slowest time constant {self.slowest:.3g} s" if math.isfinite(self.slowest) else ""
+        brought = "" if self.drive_power is None else f", which brings in up to {self.drive_power:.3g} W"
         lines = [
             f"certificate of {self.controller} ({self.interconnection}) on {self.robot}: {self.verdict}",
             *(str(check) for check in self.checks),
@@ -201,7 +206,12 @@ class Certificate:
             ),
             f"  at rest: {self.stability}{slowest}",
             *([f"  FAILED, the law raised {self.error}"] if self.error else []),
-            *([f"  driven by: {self.driven_by}"] if self.driven_by else []),
+            *([f"  driven by: {self.driven_by}{brought}"] if self.driven_by else []),
+            *(
+                [f"  at its switches H_d jumps by up to {self.jump_at_switches:.3g} J at the sampled states"]
+                if self.jump_at_switches is not None
+                else []
+            ),
             *([f"  not claimed: {self.caveat}"] if self.caveat else []),
             f"  sampled: {self.region}",
         ]

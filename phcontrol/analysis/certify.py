@@ -23,20 +23,20 @@ from phcontrol.analysis.certificate import (
     Certificate,
     Check,
 )
-from phcontrol.analysis.continuity import depth_around, largest_jump
-from phcontrol.analysis.invariance import (
-    change_with_force,
-    change_with_time,
-    signal_depends_on_state,
-)
-from phcontrol.analysis.matching import StateFigures, Worst, described, examine, worst_power, worst_residual
+from phcontrol.analysis.continuity import depth_around, jump_at_switches, largest_jump
+from phcontrol.analysis.invariance import change_of_drive, change_with_force, change_with_time
+from phcontrol.analysis.matching import StateFigures, described, examine, worst_power, worst_residual
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error
 from phcontrol.analysis.promised import undetermined
 from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
 from phcontrol.analysis.rest_point import ENVIRONMENT_FREQUENCIES, MARGINAL, STABLE, UNSTABLE, RestPoint, find_rest
 from phcontrol.analysis.runs import balance_error, fine_motion, run_states
-from phcontrol.analysis.state_sampler import LARGEST_STATE, SampledState, StateSampler
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler
+from phcontrol.analysis.thin_states import SLIDING
+from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
@@ -116,6 +116,8 @@ class _Examination:
         self._law, self._plant, self._samples, self._seed = law, plant.twin(), samples, seed
         self._checks: list[Check] = []
         self._at: SampledState | None = None
+        self._switching: float | None = None
+        self._brought: float | None = None
 
     def certificate(self, log: Log | None) -> Certificate:
         law, error = self._law, ""
@@ -146,6 +148,8 @@ class _Examination:
             slowest=max((rest.slowest for rest in rests), default=math.inf),
             driven_by=law.driven_by,
             caveat=law.caveat,
+            drive_power=self._brought,
+            jump_at_switches=self._switching,
             error=error,
             conditions=conditions,
         )
@@ -181,6 +185,7 @@ class _Examination:
         yield Check.at_most(GROWTH, growth.value, MATCHING_TOLERANCE, growth.where)
         jump, where = largest_jump(law, plant, states)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
+        self._switching = jump_at_switches(law, plant, states)
         if logs and len(law.phases) == 1 and "features" not in law.needs:  # which near a loss are no smooth run
             yield Check.at_most(
                 "balance of H_d along runs", max(balance_error(run, law, self._units) for run in logs), RUN_TOLERANCE
@@ -188,7 +193,11 @@ class _Examination:
         labels = _largest(looked_at, [each.mislabelled for each in figures])
         yield Check.at_most("target's coordinates are others", labels.value, PURITY_TOLERANCE, labels.where)
         if not law.lacks_minimum:
-            idle = _largest(looked_at, [-each.idleness for each in figures], -math.inf)
+            # on p̂ = 0 nothing may be lost for an instant
+            losing = [
+                math.inf if at.stratum == SLIDING else at_.idleness for at, at_ in zip(looked_at, figures, strict=True)
+            ]
+            idle = _largest(looked_at, [-each for each in losing], -math.inf)
             yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
             if not law.time_span:  # figures[0] is the rest point
                 energy = [each.stored for each in figures]
@@ -204,12 +213,8 @@ class _Examination:
 
     def _start_energy(self, rest: SampledState) -> float:
         """Return by how much H_d is higher at the law's rest with its initial state than with that of the rest [J]."""
-        law, view = self._law, self._law.system.at(rest.position, rest.velocity)
-        measured = measure_truly(self._plant.at(rest.position, rest.velocity), rest.force, law.needs, rest.scene)
-        own, settled = (
-            law.storage(rest.time, view, state, measured) for state in (law.initial_state(view), rest.state)
-        )
-        return own - settled
+        seen = Seen.of(self._law, self._plant, rest)
+        return seen.elsewhere(state=self._law.initial_state(seen.view)).stored() - seen.stored()
 
     def _drive(self, states: list[SampledState], figures: list[StateFigures]) -> Iterator[Check]:
         drive = _largest(states, [each.drive for each in figures])
@@ -220,8 +225,9 @@ class _Examination:
         moved = _largest(states, [each.moves_momentum for each in figures])
         yield Check.at_most("drive in rows of a momentum", moved.value, 0.0, moved.where)
         yield Check.more_than("drive that is declared", drive.value, 0.0)
-        dependent = float(signal_depends_on_state(self._law, self._plant, states))
-        yield Check.at_most("drive that depends on the state", dependent, 0.0)
+        dependent = change_of_drive(self._law, self._plant, states)
+        yield Check.at_most("drive that depends on the state", dependent.value, PURITY_TOLERANCE, dependent.where)
+        self._brought = max(abs(each.drive_power) for each in figures[: self._samples])
 
     def _contract(self, states: list[SampledState]) -> Iterator[Check]:
         law, plant = self._law, self._plant
@@ -278,11 +284,14 @@ class _Examination:
     def _region(self) -> str:
         robot, law = self._plant.robot, self._law
         limits = "joint limits" if np.isfinite(robot.lower).all() else "joint limits (or a turn)"
+        seen = "; objects as the law's random_scene draws them" if "features" in law.needs else ""
         times = f"t over {law.time_span:.3g} s and later" if law.time_span else "t up to 1e5 s"
         return (
             f"{self._samples} states, seed {self._seed}: q at the goal and home, at, within and 10 % beyond {limits}; "
             "speeds from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; "
-            f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}; and along short runs"
+            f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}; of all a quarter with one "
+            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, or at rest under a load; "
+            f"and along short runs{seen}"
         )
 
 
@@ -290,7 +299,15 @@ def _times(law: Controller) -> tuple[float, ...]:
     """Return when a law's rest is looked at: at the start of each phase; of a law that changes, along its span."""
     if len(law.phases) > 1 or not law.time_span:
         return law.phases
-    return tuple(share * law.time_span for share in (0.0, 0.5, 1.0))
+    times = tuple(share * law.time_span for share in (0.0, 0.5, 1.0))
+    return tuple(time for time in times if not _led_by_posture(law, time)) or times[:1]
+
+
+def _led_by_posture(law: Controller, time: float) -> bool:
+    """Return whether the velocity that a law leads along with depends on the posture: then it is at no rest in itself."""
+    posture = law.rest_posture(time)
+    here, beside = (law.reference_velocity(time, law.system.at(q)) for q in (posture, posture + 1e-2))
+    return bool(np.abs(here - beside).max() > 1e-9)
 
 
 def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple[float, ...]]:
@@ -300,11 +317,7 @@ def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple
 
 
 def _largest(states: list[SampledState], values: list[float], lowest: float = 0.0) -> Worst:
-    worst = Worst(lowest, "")
-    for state, value in zip(states, values, strict=True):
-        if not value <= worst.value:
-            worst = Worst(value if value == value else math.inf, described(state))
-    return worst
+    return Worst.of(zip(values, map(described, states), strict=True), lowest)
 
 
 def _stability(rests: list[RestPoint]) -> str:

@@ -6,37 +6,54 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.state_sampler import some
+from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import wrapped
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import measure_truly
 
 _FAR, _LOOKS = 1.5, 65  # from rest, in natural units, and how often on each line
 _CHORDS = 24
+_HANDED_OVER = 64  # states at which a law hands over to the next
 _POINTS = 33  # on a chord
 _SUSPECTS = 3  # intervals that are looked at more closely
 _HALVINGS = 24
 _JUMP = 1e-5  # of the range of H_d on the chord: a smooth H_d changes by 10⁻⁸ of it over so short an interval
 
 
-def largest_jump(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
+def largest_jump(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return the largest jump of H_d on straight lines between states, relative to its range there, and where.
 
     A law whose gains or goal switch keeps its promise on either side of every switch, and lets H_d jump at it. Lines
     run through positions, velocities, controller states and time, within one phase of the law and under one force; on
     a continuous joint they stay within half a turn of its goal, where its error wraps.
     """
-    worst, where = 0.0, ""
-    for start, end in zip(states[: 2 * _CHORDS : 2], states[1 : 2 * _CHORDS : 2], strict=False):
-        energy = _along(law, plant, start, end)
-        jump, at = _jump_on(energy)
-        if not jump <= worst:
-            worst, where = jump, f"{at:.3f} of the way from {start.stratum} to {end.stratum}"
-    return worst, where
+
+    def jump(start: SampledState, end: SampledState) -> tuple[float, str]:
+        size, share = _jump_on(_along(law, plant, start, end))
+        return size, f"{share:.3f} of the way from {start.stratum} to {end.stratum}"
+
+    return Worst.of(map(jump, states[: 2 * _CHORDS : 2], states[1 : 2 * _CHORDS : 2]))
+
+
+def jump_at_switches(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> float | None:
+    """Return the largest |change of H_d| where another law takes over, at some of the states [J]; None without one.
+
+    The new law acts from its start on, the old one until just before it, in the same state of arm and controller.
+    """
+    if len(law.phases) < 2:
+        return None
+    changes = []
+    for at in some(states, _HANDED_OVER, plant.n):
+        here = Seen.of(law, plant, at)
+        for start in law.phases[1:]:
+            before = here.elsewhere(time=float(np.nextafter(start, 0.0)))
+            changes.append(abs(here.elsewhere(time=start).stored() - before.stored()))
+    return max(changes)
 
 
 def depth_around(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint) -> float:
@@ -45,19 +62,15 @@ def depth_around(law: Controller, plant: MechanicalSystem, units: NaturalUnits, 
     Looked at are lines through the rest point along each joint and in other directions, 1.5 rad far.
     """
     scene = law.rest_scene(law.system.at(rest.position))
-    measured = measure_truly(plant.at(rest.position), rest.force, law.needs, scene)
-    generator, n = np.random.default_rng(0), plant.n
+    at = SampledState(rest.time, rest.position, rest.velocity, rest.state, rest.force, scene, "")
+    here, generator, n = Seen.of(law, plant, at), np.random.default_rng(0), plant.n
     directions = [*np.eye(n), *generator.uniform(-1.0, 1.0, size=(n, n))]
-
-    def stored(position: Array) -> float:
-        return law.storage(rest.time, law.system.at(position, rest.velocity), rest.state, measured)
-
     lowest = min(
-        stored(rest.position + share * units.position * direction)
+        here.elsewhere(position=rest.position + share * units.position * direction).stored()
         for direction in directions
         for share in np.linspace(-_FAR, _FAR, _LOOKS)
     )
-    return stored(rest.position) - lowest
+    return here.stored() - lowest
 
 
 def _along(
@@ -70,12 +83,15 @@ def _along(
     last = np.where(continuous, goal + 0.99 * wrapped(end.position - goal), end.position)
     same_phase = law.active(start.time) is law.active(end.time)
     later = end.time if same_phase and law.time_span else start.time
-    measured = measure_truly(plant.at(first, start.velocity), start.force, law.needs, start.scene)
+    seen = Seen.of(law, plant, start._replace(position=first))
 
     def energy(share: float) -> float:
-        view = law.system.at(first + share * (last - first), start.velocity + share * (end.velocity - start.velocity))
-        state = start.state + share * (end.state - start.state)
-        return law.storage(start.time + share * (later - start.time), view, state, measured)
+        return seen.elsewhere(
+            time=start.time + share * (later - start.time),
+            position=first + share * (last - first),
+            velocity=start.velocity + share * (end.velocity - start.velocity),
+            state=start.state + share * (end.state - start.state),
+        ).stored()
 
     return energy
 

@@ -2,91 +2,98 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.promise import Promise
-from phcontrol.analysis.state_sampler import SampledState, some
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen, largest_difference
+from phcontrol.analysis.state_sampler import some
+from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
 
 _STATES = 12
 _ASIDE = 1e-3  # of a force, by which it is changed for a law that may switch with it
 
 
-def change_with_time(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
+def change_with_time(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return by how much command and promise of a law that says it does not change differ at other states' times."""
-    if law.time_span:
-        return 0.0, ""
+    return Worst(0.0, "") if law.time_span else Worst.of(_changes_with_time(law, plant, states))
+
+
+def _changes_with_time(
+    law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
+) -> Iterator[tuple[float, str]]:
     chosen = some(states, _STATES, plant.n)
     times = [at.time for at in states]
-    worst, where = 0.0, ""
     for k, at in enumerate(chosen):
-        here = _everything(law, plant, at, at.time)
+        here = Seen.of(law, plant, at)
+        said = _everything(here)
         for time in times[k :: len(chosen)]:
-            difference = _difference(here, _everything(law, plant, at, time))
-            if not difference <= worst:
-                worst, where = difference, f"t = {time:.4g} s against {at.time:.4g} s"
-    return worst, where
+            difference = largest_difference(said, _everything(here.elsewhere(time=time)))
+            yield difference, f"t = {time:.4g} s against {at.time:.4g} s"
 
 
-def change_with_force(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
+def change_with_force(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return by how much J, R, ∇H_d, port, coordinates and H_d change with the measured force at the same state.
 
     f_e enters a promise through its port and nowhere else. A law that something drives may switch where there is
     contact; then only a small change of the force is tried.
     """
-    worst, where = 0.0, ""
     generator = np.random.default_rng(0)
-    for at, other in zip(some(states, _STATES, plant.n), some(states[1:], _STATES, plant.n), strict=False):
+
+    def change(at: SampledState, other: SampledState) -> float:
         if law.driven_by:
             force = at.force + _ASIDE * np.abs(at.force).max() * generator.uniform(-1.0, 1.0, len(at.force))
         else:
             force = other.force
-        moved = at._replace(force=force)
-        difference = _difference(_promised(law, plant, at), _promised(law, plant, moved))
-        if not difference <= worst:
-            worst, where = difference, at.stratum
-    return worst, where
+        moved = Seen.of(law, plant, at._replace(force=force))
+        return largest_difference(_promised(Seen.of(law, plant, at)), _promised(moved))
+
+    return Worst.of((change(at, other), at.stratum) for at, other in _pairs(states, plant.n))
 
 
-def signal_depends_on_state(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> bool:
-    """Return whether what drives the law changes with the state of arm or controller, time and measurements held."""
-    for here, there in zip(some(states, _STATES, plant.n), some(states[1:], _STATES, plant.n), strict=False):
-        measured = _measured(law, plant, here)
-        own = law.target(here.time, law.system.at(here.position, here.velocity), here.state, measured)
-        other = law.target(here.time, law.system.at(there.position, there.velocity), there.state, measured)
-        if not np.array_equal(Promise.of(own, plant.n).signal, Promise.of(other, plant.n).signal):
-            return True
-    return False
+def change_of_drive(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
+    """Return by how much what drives the law changes with what it must not depend on, and where.
+
+    With time and measurements held, its signal does not change with the state of arm or controller. Its port may
+    depend on q, as that of f_e does, and neither on q̇, nor on the controller's state, nor on the force: else any
+    vector field could be called a drive. Where a force is felt a drive may end (``ForceControl`` in approach).
+    """
+
+    def change(at: SampledState, other: SampledState) -> float:
+        here = Seen.of(law, plant, at)
+        drive = here.promise()
+        moving = here.elsewhere(velocity=other.velocity, state=other.state)
+        anywhere = here.elsewhere(position=other.position, velocity=other.velocity, state=other.state).promise()
+        felt = Seen.of(law, plant, at._replace(force=other.force)).promise()
+        ports = [drive.drive_port], [felt.drive_port]
+        return max(
+            largest_difference(_drive(drive), _drive(moving.promise())),
+            largest_difference([drive.signal], [anywhere.signal]),
+            largest_difference(*ports) if drive.signal.size and felt.signal.size else 0.0,
+        )
+
+    return Worst.of((change(at, other), at.stratum) for at, other in _pairs(states, plant.n))
 
 
-def _measured(law: Controller, plant: MechanicalSystem, at: SampledState) -> Measured:
-    return measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
+def _pairs(states: Sequence[SampledState], n: int) -> Iterator[tuple[SampledState, SampledState]]:
+    """Return some states, each with another one."""
+    return zip(some(states, _STATES, n), some(states[1:], _STATES, n), strict=False)
 
 
-def _promised(law: Controller, plant: MechanicalSystem, at: SampledState) -> list[Array]:
-    view, measured = law.system.at(at.position, at.velocity), _measured(law, plant, at)
-    target = Promise.of(law.target(at.time, view, at.state, measured), plant.n)
-    storage = law.storage(at.time, view, at.state, measured)
-    return [np.array([storage]), target.coordinates, target.J, target.R, target.gradient, target.port]
+def _drive(promise: Promise) -> list[Array]:
+    return [promise.drive_port, promise.signal]
 
 
-def _everything(law: Controller, plant: MechanicalSystem, at: SampledState, time: float) -> list[Array]:
-    command = law.evaluate(time, law.system.at(at.position, at.velocity), at.state, _measured(law, plant, at))
-    return [command.torque, command.state_rate, *_promised(law, plant, at._replace(time=time))]
+def _promised(seen: Seen) -> list[Array]:
+    target = seen.promise()
+    return [np.array([seen.stored()]), target.coordinates, target.J, target.R, target.gradient, target.port]
 
 
-def _difference(before: Sequence[Array], after: Sequence[Array]) -> float:
-    """Return the largest difference of two lists of arrays, each relative to its own size."""
-    worst = 0.0
-    for a, b in zip(before, after, strict=True):
-        if a.shape != b.shape:
-            return np.inf
-        scale = float(np.abs(a).max(initial=0.0)) or 1.0
-        difference = float(np.abs(b - a).max(initial=0.0)) / scale
-        worst = max(worst, np.inf if np.isnan(difference) else difference)
-    return worst
+def _everything(seen: Seen) -> list[Array]:
+    command = seen.command()
+    return [command.torque, command.state_rate, *_promised(seen)]

@@ -10,7 +10,10 @@ import numpy as np
 from phcontrol._validation import Array
 from phcontrol.analysis.flow import Flow
 from phcontrol.analysis.promise import Promise
-from phcontrol.analysis.state_sampler import SampledState, reference_velocity
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.state_sampler import reference_velocity
+from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
@@ -48,6 +51,8 @@ class StateFigures(NamedTuple):
     indefiniteness: float
     drive: float
     """Largest entry of what drives the law."""
+    drive_power: float
+    """∇H_dᵀ drive: what it brings in [W]."""
     stored: float
     """H_d [J]."""
     idleness: float
@@ -58,17 +63,11 @@ class StateFigures(NamedTuple):
     """By how much what drives the law enters rows that depend on the velocity: as a torque, which it must not."""
 
 
-class Worst(NamedTuple):
-    """The largest figure and where it was found."""
-
-    value: float
-    where: str
-
-
 def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> StateFigures:
     """Return the figures of one state."""
     flow = Flow(law, plant, at)
-    target = Promise.of(law.target(at.time, flow.view(0.0), at.state, flow.measured(0.0)), plant.n)
+    seen = flow.start
+    target = seen.promise()
     promised, driven = target.rate(at.force), target.driven
     terms = np.abs(target.J - target.R) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
     terms += np.abs(driven)
@@ -97,10 +96,11 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         skewness=_skewness(target.J, target.R),
         indefiniteness=indefiniteness(target.R),
         drive=float(np.abs(driven).max(initial=0.0)),
-        stored=flow.storage(0.0),
-        idleness=_idleness(law, plant, at, target),
-        mislabelled=_relative(np.abs(flow.coordinates(0.0) - target.coordinates), np.abs(target.coordinates)),
-        moves_momentum=_momentum_driven(law, at, flow, target),
+        stored=seen.stored(),
+        idleness=_idleness(seen, target),
+        mislabelled=_relative(np.abs(seen.coordinates() - target.coordinates), np.abs(target.coordinates)),
+        drive_power=float(target.gradient @ driven),
+        moves_momentum=_momentum_driven(seen, target),
     )
 
 
@@ -114,16 +114,16 @@ def worst_residual(states: Sequence[SampledState], figures: Sequence[StateFigure
     largest = max((float(each.terms.max(initial=0.0)) for each in figures), default=0.0)
     sizes = {len(each.residual) for each in figures}
     unit = {size: np.maximum(_usual(figures, size), _ROUNDING * largest) for size in sizes}
-    worst = Worst(0.0, "")
-    for state, each in zip(states, figures, strict=True):
-        if not len(each.residual):
-            continue
-        relative = each.residual / np.maximum(each.terms, unit[len(each.residual)])
-        relative = np.where(np.isnan(relative), np.inf, relative)
-        row = int(np.argmax(relative))
-        if relative[row] > worst.value:
-            worst = Worst(float(relative[row]), f"row {row + 1} of {len(relative)}, {described(state)}")
-    return worst
+    return Worst.of(
+        _largest_row(each.residual / np.maximum(each.terms, unit[len(each.residual)]), described(state))
+        for state, each in zip(states, figures, strict=True)
+        if len(each.residual)
+    )
+
+
+def _largest_row(relative: Array, where: str) -> tuple[float, str]:
+    row = int(np.argmax(np.where(np.isnan(relative), np.inf, relative)))
+    return float(relative[row]), f"row {row + 1} of {len(relative)}, {where}"
 
 
 def worst_power(
@@ -131,12 +131,8 @@ def worst_power(
 ) -> Worst:
     """Return the largest of some powers, relative to the power that flows, with the same units as for rows."""
     usual = _LEAST_SCALE * float(np.quantile([each.power for each in figures], _MOVING))
-    worst = Worst(lowest, "")
-    for state, each, error in zip(states, figures, errors, strict=True):
-        relative = error / max(each.power, usual, 1e-300)
-        if not relative <= worst.value:
-            worst = Worst(np.inf if np.isnan(relative) else float(relative), described(state))
-    return worst
+    relative = (error / max(each.power, usual, 1e-300) for each, error in zip(figures, errors, strict=True))
+    return Worst.of(zip(relative, map(described, states), strict=True), lowest)
 
 
 def described(state: SampledState) -> str:
@@ -165,25 +161,18 @@ def _skewness(J: Array, R: Array) -> float:
 def indefiniteness(R: Array) -> float:
     """Return how far a matrix is from symmetric positive semidefinite: 0 for R ⪰ 0, but for rounding.
 
-    By the pivots of its LDLᵀ decomposition, each relative to the sum of absolute terms that it is made of: so a small
-    negative damping in one joint is seen beside dampings of any size in others. Beside a pivot that is zero but for
-    rounding nothing may stand, since |R_ij|² ≤ R_ii R_jj.
+    Scaled to a diagonal of ±1, so that a small negative damping in one joint is seen beside dampings of any size in
+    others. Beside a zero on the diagonal nothing may stand, since |R_ij|² ≤ R_ii R_jj.
     """
     R = np.where(np.abs(R) < _NOTHING, 0.0, R)
-    diagonal = np.abs(np.diag(R))
-    worst = _relative(np.abs(R - R.T), np.maximum(np.sqrt(np.outer(diagonal, diagonal)), 1e-9 * np.abs(R)))
-    rest, gross = 0.5 * (R + R.T), np.array(diagonal)
-    for k in range(len(R)):
-        pivot, beside = float(rest[k, k]), rest[k + 1 :, k]
-        if gross[k] > 0.0:
-            worst = max(worst, -pivot / gross[k])
-        if pivot <= _ZERO_PIVOT * gross[k]:
-            worst = max(worst, _relative(beside * beside, gross[k] * gross[k + 1 :]))
-            continue
-        taken = np.outer(beside, beside) / pivot
-        rest[k + 1 :, k + 1 :] -= taken
-        gross[k + 1 :] += np.diag(taken)
-    return worst
+    diagonal = np.diag(R)
+    size = np.sqrt(np.abs(diagonal))
+    worst = _relative(np.abs(R - R.T), np.maximum(np.outer(size, size), 1e-9 * np.abs(R)))
+    live = size > 0.0
+    if (R[~live] != 0.0).any() or (R[:, ~live] != 0.0).any():
+        return np.inf
+    scaled = (0.5 * (R + R.T))[np.ix_(live, live)] / np.outer(size[live], size[live])
+    return max(worst, -float(np.linalg.eigvalsh(scaled)[0]) if scaled.size else 0.0)
 
 
 def _relative(error: Array, scale: Array) -> float:
@@ -192,24 +181,25 @@ def _relative(error: Array, scale: Array) -> float:
         return float((error[error > 0.0] / scale[error > 0.0]).max(initial=0.0))
 
 
-def _idleness(law: Controller, plant: MechanicalSystem, at: SampledState, target: Promise) -> float:
+def _idleness(seen: Seen, target: Promise) -> float:
     """Return what is dissipated each second of the kinetic energy along the reference; infinite without motion."""
-    slip = at.velocity - reference_velocity(law, at.time, at.position)
-    kinetic = 0.5 * float(slip @ plant.at(at.position).mass_matrix @ slip)
-    if kinetic <= 1e-12 * float(at.velocity @ at.velocity) or np.abs(slip).max() < _SLOW:
+    velocity = seen.at.velocity
+    slip = velocity - reference_velocity(seen.law, seen.at.time, seen.at.position)
+    if np.abs(slip).max() < _SLOW:
+        return np.inf
+    kinetic = 0.5 * float(slip @ seen.view.mass_matrix @ slip)
+    if kinetic <= 1e-12 * float(velocity @ velocity):
         return np.inf
     return float(target.gradient @ target.R @ target.gradient) / kinetic
 
 
-def _momentum_driven(law: Controller, at: SampledState, flow: Flow, target: Promise) -> float:
+def _momentum_driven(seen: Seen, target: Promise) -> float:
     """Return the largest entry of the drive in rows that depend on q̇."""
     if not target.drive_port.size:
         return 0.0
-    here, n = flow.view(0.0), len(at.velocity)
-    measured, worst = flow.measured(0.0), 0.0
-    for axis in np.eye(n):
-        moved = law.system.at(here.position, here.velocity + axis)
-        change = np.abs(law.coordinates(at.time, moved, at.state, measured) - target.coordinates)
+    velocity, worst = seen.at.velocity, 0.0
+    for axis in np.eye(len(velocity)):
+        change = np.abs(seen.elsewhere(velocity=velocity + axis).coordinates() - target.coordinates)
         rows = change > 1e-9 * max(float(change.max()), 1e-300)
         worst = max(worst, float(np.abs(target.drive_port[rows]).max(initial=0.0)))
     return worst

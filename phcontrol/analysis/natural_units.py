@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import measure_truly
 
 _UNLIMITED_SPEED = 2.0 * np.pi  # [rad/s]; for a prismatic joint a tenth of it [m/s]
 _SAMPLES = 8  # of the positions at which the arm's own forces are looked at
@@ -69,13 +70,12 @@ def _state_units(law: Controller, plant: MechanicalSystem, time: float, energy: 
     m = law.state_size
     if m == 0:
         return np.zeros(0)
-    view = law.system.at(law.rest_posture(time))
-    scene = law.rest_scene(view)
-    measured = measure_truly(view, np.zeros(plant.n), law.needs, scene)
-    start = law.initial_state(view)
+    view, still = law.system.at(law.rest_posture(time)), np.zeros(plant.n)
+    start, scene = law.initial_state(view), law.rest_scene(view)
+    seen = Seen.of(law, plant, SampledState(time, view.position, still, start, still, scene, ""))
 
     def stored(shift: Array) -> float:
-        return law.storage(time, view, start + shift, measured)
+        return seen.elsewhere(state=start + shift).stored()
 
     middle = stored(np.zeros(m))
     curvature = np.array([stored(axis) + stored(-axis) - 2.0 * middle for axis in np.eye(m)])

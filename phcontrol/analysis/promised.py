@@ -8,10 +8,11 @@ import numpy as np
 
 from phcontrol._differences import jacobian
 from phcontrol._validation import Array
-from phcontrol.analysis.state_sampler import SampledState, some
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.state_sampler import some
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
 
 _STATES = 6  # that are looked at
 _STEP = 1e-3
@@ -26,19 +27,17 @@ def undetermined(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     """
     worst, where = 0, ""
     for at in some(states, _STATES, plant.n):
-        measured = measure_truly(plant.at(at.position, at.velocity), at.force, law.needs, at.scene)
+        seen = Seen.of(law, plant, at)
 
-        def coordinates(y: Array, at: SampledState = at, measured: Measured = measured) -> Array:
-            view = law.system.at(at.position, y[: plant.n])
-            return law.coordinates(at.time, view, y[plant.n :], measured)
+        def coordinates(y: Array, seen: Seen = seen) -> Array:
+            return seen.elsewhere(velocity=y[: plant.n], state=y[plant.n :]).coordinates()
 
         start = np.concatenate([at.velocity, at.state])
         slope, _ = jacobian(coordinates, start, np.ones(len(start)), _STEP)
         lengths = np.linalg.norm(slope, axis=0) if slope.size else np.zeros(len(start))
         held = np.zeros(len(start), dtype=bool)
         if law.active(at.time) is not law:  # a state that belongs to a law which does not act stays as it is
-            command = law.evaluate(at.time, law.system.at(at.position, at.velocity), at.state, measured)
-            held[plant.n :] = (lengths[plant.n :] == 0.0) & (command.state_rate == 0.0)
+            held[plant.n :] = (lengths[plant.n :] == 0.0) & (seen.command().state_rate == 0.0)
         rank = int(held.sum())
         if slope.size and lengths.max() > 0.0:
             values = np.linalg.svd(slope / np.where(lengths > 0.0, lengths, 1.0), compute_uv=False)

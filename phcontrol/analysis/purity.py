@@ -1,17 +1,21 @@
-"""Whether a law keeps its contract: the same arguments give the same command, and it needs what it says it needs."""
+"""Whether a law keeps its contract: the same arguments give the same answers, and it needs what it says it needs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from phcontrol._validation import Array
-from phcontrol.analysis.state_sampler import SampledState, some
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen, largest_difference
+from phcontrol.analysis.state_sampler import some
+from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.sensors.measured import Measured
 
 _STATES = 12  # that are asked again
 _CALLS = 1000  # in between
@@ -19,112 +23,95 @@ _SHIFT = 1e-9  # of a time that is close to another [s]
 _SEEN = np.array([1e-3, -2e-3, 3e-3])  # features that a law is shown that does not need them [m]
 
 
-def largest_impurity(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
-    """Return by how much a command differs when it is asked for again, relative to itself, and where.
+def largest_impurity(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
+    """Return by how much an answer differs when it is asked for again, relative to itself, and where.
 
-    Asked are some of the states in order, then in reverse, close to each other's times, after promises and storage
-    functions in between, a thousand times in a mixed order, and twice with the very same view of the arm. Commands
-    that were handed out are looked at again: they must not change. Arrays that are handed over cannot be written to,
-    and what a view of the arm holds is compared with a fresh one.
+    Asked are some of the states in order, then in reverse, close to each other's times, after other questions and
+    after other uses of the law's model in between, a thousand times in a mixed order, and twice with the very same
+    view of the arm. So are the promises, and where the law rests. Commands that were handed out are looked at again:
+    they must not change. Arrays that are handed over cannot be written to, and what a view of the arm holds is
+    compared with a fresh one.
     """
-    worst, where = 0.0, ""
-    for difference, place in _differences(law, plant, states):
-        if not difference <= worst:
-            worst, where = difference, place
-    return worst, where
+    return Worst.of(_differences(law, plant, states))
 
 
 def _differences(
     law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
 ) -> Iterator[tuple[float, str]]:
-    chosen = some(states, _STATES, plant.n)
-    questions = [_Question(law, plant, state, law.needs) for state in chosen]
+    questions = [Seen.of(law, plant, _guarded(at)) for at in some(states, _STATES, plant.n)]
     handed_out = [question.command() for question in questions]
-    first = [_numbers(command) for command in handed_out]
-    for question, before in reversed(list(zip(questions, first, strict=True))):
-        question.promise()
-        question.ask(_SHIFT)
-        yield difference(before, question.ask()), f"asked again in another order: {question.at.stratum}"
+    first = [_copies(command) for command in handed_out]
+    promised = [_promised(question) for question in questions]
+    for question, said, before in reversed(list(zip(questions, promised, first, strict=True))):
+        place = question.at.stratum
+        yield largest_difference(said, _promised(question.elsewhere())), f"promised again in another order: {place}"
+        _ask(question.elsewhere(time=question.at.time + _SHIFT))
+        _use(question.elsewhere().view)
+        yield largest_difference(before, _ask(question)), f"asked again in another order: {place}"
     count = max(len(questions), int(_CALLS * min(1.0, (10.0 / plant.n) ** 2)))
     for k in range(count):
         which = (7 * k) % len(questions)
-        yield difference(first[which], questions[which].ask()), f"asked again, call {k} of {count}"
+        yield largest_difference(first[which], _ask(questions[which])), f"asked again, call {k} of {count}"
     for question, before, command in zip(questions, first, handed_out, strict=True):
-        yield difference(before, _numbers(command)), f"a command that was handed out: {question.at.stratum}"
-        view = question.fresh_view()
-        question.ask(view=view)
-        yield difference(before, question.ask(view=view)), f"asked twice with the same view: {question.at.stratum}"
-        written = difference(_contents(question.fresh_view()), _contents(view))
-        yield written, f"its view was written to: {question.at.stratum}"
+        place = question.at.stratum
+        yield largest_difference(before, command), f"a command that was handed out: {place}"
+        seen = question.elsewhere()
+        seen.command()
+        yield largest_difference(before, seen.command()), f"asked twice with the same view: {place}"
+        written = largest_difference(_contents(question.elsewhere().view), _contents(seen.view))
+        yield written, f"its view was written to: {place}"
 
 
 def difference_backwards(law: Controller, plant: MechanicalSystem, motion: Sequence[SampledState]) -> float:
     """Return by how much commands along a motion differ when they are asked for backwards."""
-    questions = [_Question(law, plant, state, law.needs) for state in motion]
-    forwards = [question.ask() for question in questions]
-    backwards = [question.ask() for question in reversed(questions)][::-1]
-    return max((difference(a, b) for a, b in zip(forwards, backwards, strict=True)), default=0.0)
+    questions = [Seen.of(law, plant, _guarded(at)) for at in motion]
+    forwards = [_ask(question) for question in questions]
+    backwards = [_ask(question) for question in reversed(questions)][::-1]
+    return max((largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True)), default=0.0)
 
 
-def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> tuple[float, str]:
+def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return by how much a command changes when the law is shown more than it says it needs, and where."""
-    worst, where = 0.0, ""
-    for state in some(states, _STATES, plant.n):
-        needed = _Question(law, plant, state, law.needs).ask()
-        question = _Question(law, plant, state, Measured._fields)
-        if question.measured.features is None:
-            question.measured = question.measured._replace(features=_SEEN)
-        changed = difference(needed, question.ask())
-        if not changed <= worst:
-            worst, where = changed, state.stratum
-    return worst, where
+
+    def change(at: SampledState) -> float:
+        more = Seen.of(law, plant, _guarded(at), Measured._fields)
+        if more.measured.features is None:
+            more.measured = more.measured._replace(features=_SEEN)
+        return largest_difference(Seen.of(law, plant, _guarded(at)).command(), more.command())
+
+    return Worst.of((change(at), at.stratum) for at in some(states, _STATES, plant.n))
 
 
-class _Question:
-    """What a law is asked at one state."""
-
-    def __init__(self, law: Controller, plant: MechanicalSystem, at: SampledState, shown: Sequence[str]) -> None:
-        self.law, self.at = law, at
-        x = plant.at(at.position, at.velocity)
-        self.measured = measure_truly(x, _read_only(at.force), shown, at.scene)
-
-    def fresh_view(self) -> MechanicalState:
-        return self.law.system.at(self.at.position, self.at.velocity)
-
-    def command(self, shift: float = 0.0, view: MechanicalState | None = None) -> tuple[Array, Array]:
-        at = self.at
-        seen = self.fresh_view() if view is None else view
-        command = self.law.evaluate(at.time + shift, seen, _read_only(at.state), self.measured)
-        return command.torque, command.state_rate
-
-    def ask(self, shift: float = 0.0, view: MechanicalState | None = None) -> Array:
-        """Return torque and state rate in one array of their own."""
-        return _numbers(self.command(shift, view))
-
-    def promise(self) -> None:
-        """Ask for everything else."""
-        at, view = self.at, self.fresh_view()
-        self.law.target(at.time, view, at.state, self.measured)
-        self.law.storage(at.time, view, at.state, self.measured)
+def _guarded(at: SampledState) -> SampledState:
+    """Return a state whose arrays cannot be written to."""
+    return at._replace(force=_read_only(at.force), state=_read_only(at.state))
 
 
-def _numbers(command: tuple[Array, Array]) -> Array:
-    return np.concatenate(command)
+def _ask(seen: Seen) -> list[Array]:
+    """Return torque and state rate, asked for with a fresh view, in arrays of their own."""
+    return _copies(seen.elsewhere().command())
 
 
-def _contents(view: MechanicalState) -> Array:
+def _copies(arrays: Sequence[Array]) -> list[Array]:
+    return [np.array(array) for array in arrays]
+
+
+def _promised(seen: Seen) -> list[Array]:
+    """Return everything else that the law says."""
+    law, at = seen.law, seen.at
+    postures = law.rest_posture(at.time), law.initial_state(seen.view)
+    return [np.array([seen.stored()]), *seen.promise(), *_copies(postures)]
+
+
+def _use(x: MechanicalState) -> None:
+    """Use the model that a law computes with, as the loop, a filter or another law does between two of its calls."""
+    model = x.system.model
+    pin.computeAllTerms(model, x.system.data, pin.neutral(model), np.ones(model.nv))
+
+
+def _contents(view: MechanicalState) -> list[Array]:
     """Return what a law could have written to."""
-    held = (view.position, view.velocity, view.potential_gradient, view.mass_matrix, view.coriolis_matrix)
-    return np.concatenate([np.ravel(array) for array in held])
-
-
-def difference(before: Array, after: Array) -> float:
-    """Return the largest difference of two arrays, relative to the first; infinite for other shapes and NaN."""
-    if before.shape != after.shape:
-        return float("inf")
-    scale = max(float(np.abs(before).max(initial=0.0)), 1e-300)
-    changed = float(np.abs(after - before).max(initial=0.0)) / scale
-    return float("inf") if np.isnan(changed) else changed
+    return [view.position, view.velocity, view.potential_gradient, view.mass_matrix, view.coriolis_matrix]
 
 
 def _read_only(array: Array) -> Array:

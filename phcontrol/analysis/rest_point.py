@@ -11,12 +11,13 @@ from scipy.linalg import eig
 from phcontrol._differences import jacobian
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
-from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
 
 _STEPS = (1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; for each column the best is taken
+_BEND = 1e-3  # of second differences, in natural units
 _ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
 _ITERATIONS = 30
 _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
@@ -107,6 +108,11 @@ class _Neighbourhood:
     def rest(self) -> RestPoint:
         free = self._spring is None
         y, found = self._root(self._gradient if free else self._rate)
+        self._bent = False
+        if free and not found:  # coordinates that are more than they need: ∇H_d is zero only along what moves
+            y, found = self._root(self._rate)
+            found = found and self._left(self._pulled, y, self._pulled(y)) <= _FOUND
+            self._bent = found
         n, law = self._n, self._law
         A, error = self._jacobian(self._rate, y)
         unrest = 0.0 if law.time_span else self._left(self._rate, y, self._rate(y))
@@ -126,27 +132,34 @@ class _Neighbourhood:
         away: Array = position - self._posture
         return self._rest_force - self._spring @ away
 
-    def _seen(self, y: Array) -> tuple[MechanicalState, MechanicalState, Array, Measured, Array]:
-        """Return plant, the law's view of it, its state, what it measures, and the external force."""
-        n, law = self._n, self._law
-        x, force = self._plant.at(y[:n], y[n : 2 * n]), self._force(y[:n])
-        view = x.seen_by(law.system)
-        return x, view, y[2 * n :], measure_truly(x, force, law.needs, self._scene), force
+    def _seen(self, y: Array) -> Seen:
+        """Return the law at y, under the force that the environment exerts there."""
+        n = self._n
+        at = SampledState(self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), self._scene, "")
+        return Seen.of(self._law, self._plant, at)
 
     def _rate(self, y: Array) -> Array:
         """Return ẏ of the true closed loop."""
-        x, view, state, measured, force = self._seen(y)
-        command = self._law.evaluate(self._time, view, state, measured)
-        return np.concatenate([x.velocity, x.acceleration(command.torque, force), command.state_rate])
+        seen = self._seen(y)
+        at, command = seen.at, seen.command()
+        acceleration = self._plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
+        return np.concatenate([at.velocity, acceleration, command.state_rate])
 
     def _gradient(self, y: Array) -> Array:
         """Return ∇H_d with respect to the target's coordinates."""
-        _, view, state, measured, _ = self._seen(y)
-        return self._law.target(self._time, view, state, measured).gradient
+        return self._seen(y).promise().gradient
+
+    def _pulled(self, y: Array) -> Array:
+        """Return ∇H_d with respect to y."""
+        J, _ = jacobian(self._coordinates, y, self._units, _STEPS[0])
+        pulled: Array = J.T @ self._gradient(y)
+        return pulled
+
+    def _stored(self, y: Array) -> float:
+        return self._seen(y).stored()
 
     def _coordinates(self, y: Array) -> Array:
-        _, view, state, measured, _ = self._seen(y)
-        return self._law.coordinates(self._time, view, state, measured)
+        return self._seen(y).coordinates()
 
     # --- what is found ----------------------------------------------------------------------------------
 
@@ -193,6 +206,8 @@ class _Neighbourhood:
 
         With J = ∂x/∂y the derivative of ∇H_d along y is H_xx J. Coordinates that y does not reach do not count.
         """
+        if self._bent:
+            return _smallest_scaled(self._second_differences(y))
         J = jacobian(self._coordinates, y, self._units, _STEPS[0])[0] * self._units
         bent = jacobian(self._gradient, y, self._units, _STEPS[0])[0] * self._units
         lengths = np.linalg.norm(J, axis=0)
@@ -203,11 +218,29 @@ class _Neighbourhood:
         else:
             basis, triangle = np.linalg.qr(J)
             hessian = basis.T @ np.linalg.solve(triangle.T, bent.T).T
-        hessian = 0.5 * (hessian + hessian.T)
-        root = np.sqrt(np.abs(np.diag(hessian)))
-        if not (root > 0.0).all():
-            return 0.0
-        return float(np.linalg.eigvalsh(hessian / np.outer(root, root))[0])
+        return _smallest_scaled(hessian)
+
+    def _second_differences(self, y: Array) -> Array:
+        """Return the Hessian of H_d in y, in natural units."""
+        steps, here, size = _BEND * np.diag(self._units), self._stored(y), len(y)
+        ahead = [self._stored(y + step) for step in steps]
+        behind = [self._stored(y - step) for step in steps]
+        hessian = np.diag([a - 2.0 * here + b for a, b in zip(ahead, behind, strict=True)])
+        for i in range(size):
+            for j in range(i):
+                both = self._stored(y + steps[i] + steps[j]) + self._stored(y - steps[i] - steps[j])
+                hessian[i, j] = hessian[j, i] = 0.5 * (both + 2.0 * here - ahead[i] - behind[i] - ahead[j] - behind[j])
+        result: Array = hessian / _BEND**2
+        return result
+
+
+def _smallest_scaled(hessian: Array) -> float:
+    """Return the smallest eigenvalue of a symmetric matrix scaled to a unit diagonal; 0 where that has a zero."""
+    hessian = 0.5 * (hessian + hessian.T)
+    root = np.sqrt(np.abs(np.diag(hessian)))
+    if not (root > 0.0).all():
+        return 0.0
+    return float(np.linalg.eigvalsh(hessian / np.outer(root, root))[0])
 
 
 def _spectrum(A: Array, error: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from phcontrol._validation import Array
 from phcontrol.analysis.certificate import RUN_TOLERANCE
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
-from phcontrol.analysis.state_sampler import SampledState
+from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.system import MechanicalSystem

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from phcontrol._validation import Array, number
 from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.thin_states import ThinStates
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
@@ -30,18 +31,7 @@ _FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
-
-
-class SampledState(NamedTuple):
-    """A state of plant, controller and surroundings, and from which stratum it was drawn."""
-
-    time: float
-    position: Array
-    velocity: Array
-    state: Array
-    force: Array
-    scene: Scene | None
-    stratum: str
+_THIN = 4  # every fourth state lies on a thin set
 
 
 class StateSampler:
@@ -55,9 +45,13 @@ class StateSampler:
     - velocities: rest, the reference's own, 1e-6 to once the velocity limits away from either, up to twice the limits,
       and up to 10 rad/s or more;
     - states of the controller: zero, 1e-6 to 30 natural units, one entry alone;
-    - external forces: zero, tiny, up to twice the motors' limits, on one joint alone, or a force on the tool;
+    - external forces: zero or the one under which the law rests, tiny to twice the motors' limits away from either, on
+      one joint alone, or a force on the tool, in any direction, upright or level;
     - times: the start and the whole of each phase of the law (a minute if it does not change), and later ones: up to
       1e5 s, or 200 times its span.
+
+    Every fourth state lies on a thin set (``ThinStates``): with one coordinate alone away from rest, with neighbouring
+    joints alone, with p̂ = 0, at rest under a load.
 
     The numbers are a scrambled Sobol sequence (:mod:`scipy.stats.qmc`), which leaves no gaps in any single
     coordinate; seed and number of samples make it reproducible. The first state is the law's rest point.
@@ -82,6 +76,8 @@ class StateSampler:
         self._rest, self._rest_force = rest, rest_force
         self._span = true_span(law)
         self._changes = self._span > 0.0
+        self._generator = np.random.default_rng(0)
+        self._thin = ThinStates(law, plant, units, self._look)
 
     def draw(self, samples: int, seed: int) -> list[SampledState]:
         """Return a number of states."""
@@ -90,7 +86,11 @@ class StateSampler:
         n, m = self._plant.n, self._units.state.size
         sequence = qmc.Sobol(_SELECTORS + 5 * n + m, seed=seed)
         points = sequence.random_base2(math.ceil(math.log2(samples)))[:samples]
-        states = [self._state(point, np.random.default_rng([seed, k])) for k, point in enumerate(points)]
+        states = []
+        for k, point in enumerate(points):
+            self._generator = np.random.default_rng([seed, k])
+            turn, last = divmod(k + 1, _THIN)
+            states.append(self._state(point) if last else self._thin_state(turn - 1, samples // _THIN, point))
         position, velocity, state = self._rest
         scene = self._law.rest_scene(self._law.system.at(position))
         time = _FIRST_TIME if self._changes else 0.0
@@ -98,7 +98,22 @@ class StateSampler:
             states[0] = SampledState(time, position, velocity, state, self._rest_force, scene, "the rest point")
         return states
 
-    def _state(self, u: Array, generator: np.random.Generator) -> SampledState:
+    def _look(self, position: Array, spread: float = CLOSEST) -> Scene | None:
+        """Return something to see from a position."""
+        eyes = self._law.eyes
+        return None if eyes is None else eyes.random_scene(self._law.system.at(position), self._generator, spread)
+
+    def _thin_state(self, k: int, count: int, u: Array) -> SampledState:
+        """Return one of a number of states on thin sets, about the rest posture of some time."""
+        n = self._plant.n
+        time = self._clear_of_switches(self._time(u[0], u[6]))
+        goal = np.array(self._law.rest_posture(time)) if self._changes else self._rest[0]
+        scene = self._law.rest_scene(self._law.system.at(goal))
+        velocity = reference_velocity(self._law, time)
+        rest = SampledState(time, goal, velocity, self._rest[2], self._rest_force, scene, "")
+        return self._thin.state(k, count, rest, np.delete(u[_SELECTORS:], np.s_[2 * n : 5 * n]))
+
+    def _state(self, u: Array) -> SampledState:
         n = self._plant.n
         kinds, sizes = u[:6], u[6:_SELECTORS]
         along, aside, across, speeds, forces, own = np.split(u[_SELECTORS:], [n, 2 * n, 3 * n, 4 * n, 5 * n])
@@ -107,12 +122,11 @@ class StateSampler:
         velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
         state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, LARGEST_STATE, "controller state")
         force, how_pushed = _drawn(kinds[4], sizes[4], forces, self._units.force, 2.0, "f_e")
-        view = self._law.system.at(position)
-        tool = self._plant.robot.tool_frame or self._plant.robot.frame_names[-1]
         if kinds[4] > 0.85:
-            force = self._on_tool(tool, position, force)
-        spread, eyes = 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0), self._law.eyes
-        scene = None if eyes is None else eyes.random_scene(view, generator, spread)
+            force = self._on_tool(position, force, sizes[5] * 6.0 if kinds[4] > 0.91 else None)
+        elif kinds[5] < 0.5 and self._rest_force.any():
+            force, how_pushed = force + self._rest_force, how_pushed and "f_e as at rest"
+        scene = self._look(position, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
         stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
         return SampledState(time, position, velocity, state, force, scene, stratum)
 
@@ -143,28 +157,35 @@ class StateSampler:
         robot, unit = self._plant.robot, self._units.position
         goal = self._law.rest_posture(time) if self._changes else self._rest[0]
         low, high = _range(robot)
-        if kind < 0.06:
+        if kind < 0.04:
             return np.array(goal), "at the goal"
-        if kind < 0.2:
+        if kind < 0.18:
             return goal + _log_uniform(size, CLOSEST, 1.0) * unit * (2.0 * along - 1.0), "near the goal"
-        if kind < 0.32:  # some joints, or one alone
+        if kind < 0.26:  # some joints, or one alone
             return goal + _FAR * unit * _thinned(2.0 * along - 1.0, size, aside), "some joints at the goal"
-        if kind < 0.4:  # where arms start, and on their way
-            start = robot.home if kind < 0.38 else np.zeros(along.size)
-            share = size if kind < 0.35 else 0.0
+        if kind < 0.36:  # where arms start, and on their way
+            start = robot.home if kind < 0.34 else np.zeros(along.size)
+            share = size if kind < 0.3 else 0.0
             return start + share * (goal - start) + _AROUND * unit * (2.0 * along - 1.0), "near home"
         anywhere = low + (high - low) * along
-        if kind < 0.65:
+        if kind < 0.6:
             return self._at_limits(anywhere, size, aside, across), "at joint limits"
         if kind < 0.9:
             return anywhere, ""
         beyond = np.where(robot.continuous, _TURNS * 2.0 * np.pi * unit, _BEYOND * (high - low))
         return low - beyond + (high - low + 2.0 * beyond) * along, "beyond joint limits"
 
-    def _on_tool(self, frame: str, position: Array, force: Array) -> Array:
-        """Return 𝒥ᵀF of a force at a frame's origin that takes about as much of the motors as ``force`` does."""
+    def _on_tool(self, position: Array, force: Array, axis: float | None) -> Array:
+        """Return 𝒥ᵀF of a force at the tool's origin that takes about as much of the motors as ``force`` does.
+
+        Its direction is that of ``force``, or one of the world's axes: upright for an ``axis`` below 4, else level.
+        """
+        frame = self._plant.robot.tool_frame or self._plant.robot.frame_names[-1]
         lever: Array = self._plant.at(position).frame_jacobian(frame, "local_world_aligned")[:3].T
-        along = lever @ (lever.T @ force)
+        if axis is None:
+            along = lever @ (lever.T @ force)
+        else:
+            along = (-1.0) ** int(axis) * lever[:, 2 if axis < 4.0 else int(axis) - 4]
         size = float(np.abs(along / self._units.force).max())
         share = float(np.abs(force / self._units.force).max()) / size if size > 0.0 else 0.0
         result: Array = share * along

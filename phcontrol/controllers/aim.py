@@ -22,6 +22,7 @@ class Aim:
         goal: where Ψ is smallest, in place of its own goal; None for that.
         reference_velocity: q̇_ref, shape (n,) [rad/s]; None for a goal at rest.
         reference_acceleration: q̈_ref, likewise [rad/s²].
+        missed: what q̇_ref lacks of the goal's twist near a singularity (``ResolvedMotion``); None for nothing.
     """
 
     def __init__(
@@ -31,7 +32,9 @@ class Aim:
         goal: Goal | None = None,
         reference_velocity: Array | None = None,
         reference_acceleration: Array | None = None,
+        missed: Array | None = None,
     ) -> None:
+        self.missed = missed
         self.x, self.potential, self.goal = x, potential, goal
         self.reference_velocity, self.reference_acceleration = reference_velocity, reference_acceleration
         self.velocity: Array = x.velocity if reference_velocity is None else x.velocity - reference_velocity
@@ -57,7 +60,7 @@ class Aim:
 
     def gradient_rate(self) -> Array:
         """Return d/dt ∂Ψ/∂q along the motion, shape (n,) [N·m/s]."""
-        return self.potential.gradient_rate(self.x, self.velocity, self.goal)
+        return self.potential.gradient_rate(self.x, self.velocity, self.goal, self.missed)
 
     @property
     def error(self) -> tuple[Array, Array]:

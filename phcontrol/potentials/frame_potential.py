@@ -82,7 +82,9 @@ class FramePotential(Potential):
         gradient: Array = self.wrench(kinematics, goal)[self._rows].dot(kinematics.jacobian[self._rows])
         return gradient
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return 𝒥̇ᵀ times the wrench, and 𝒥ᵀ times its rate, shape (n,) [N·m/s].
 
         With ω of the frame, (ė, ω_e) = 𝒥v the twist of the error, and ω − ω_e of the goal, the wrench changes by
@@ -91,6 +93,8 @@ class FramePotential(Potential):
         jacobian_rate, kinematics = x.frame_kinematics_rate(self.frame), x.frame_kinematics(self.frame)
         jacobian, rows = kinematics.jacobian, self._rows
         wrench, error_twist = self.wrench(kinematics, goal), jacobian.dot(velocity)
+        if missed is not None:
+            error_twist[: len(missed)] -= missed
         wrench_rate: Array = np.zeros(6)
         if self._stiffness is not None:
             wrench_rate[:3] = self._stiffness.dot(error_twist[:3])
@@ -131,8 +135,16 @@ class FramePotential(Potential):
 
     def coordinate_map(self, x: MechanicalState, goal: Goal | None = None) -> Array:
         """Return A, shape (k, n): ė = 𝒥_v v, and Ṙ_e = (R_dᵀ𝒥_ω v) × R_e, column by column."""
+        jacobian = x.frame_kinematics(self.frame).jacobian
+        if self._turning is None:
+            return jacobian[:3]
+        result: Array = self.twist_map(x, goal) @ jacobian
+        return result
+
+    def twist_map(self, x: MechanicalState, goal: Goal | None = None) -> Array:
+        """Return L, shape (k, 6): how the coordinates change with a twist of the frame against its goal."""
         kinematics, pose = x.frame_kinematics(self.frame), self._pose(goal)
-        linear = kinematics.jacobian[:3]
+        linear = np.eye(3, 6)
         if self._turning is None:
             return linear
         first, second, third = pose.rotation.T @ kinematics.rotation
@@ -140,7 +152,7 @@ class FramePotential(Potential):
         turning[0, :, 1], turning[0, :, 2] = third, -second
         turning[1, :, 0], turning[1, :, 2] = -third, first
         turning[2, :, 0], turning[2, :, 1] = second, -first
-        turn = turning.reshape(9, 3) @ (pose.rotation.T @ kinematics.jacobian[3:])
+        turn = np.hstack([np.zeros((9, 3)), turning.reshape(9, 3) @ pose.rotation.T])
         return np.concatenate([linear, turn]) if self._translates else turn
 
     def held_directions(self, x: MechanicalState) -> Array:

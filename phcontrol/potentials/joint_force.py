@@ -53,7 +53,9 @@ class JointForce(Potential):
         """Return f, shape (n,) [N·m]."""
         return self.force
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return zeros, shape (n,)."""
         return np.zeros_like(self.force)
 

@@ -65,7 +65,9 @@ class JointSpring(Potential):
         gradient: Array = self.stiffness.dot(error)
         return gradient
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return K v, shape (n,) [N·m/s]."""
         rate: Array = self.stiffness.dot(velocity)
         return rate

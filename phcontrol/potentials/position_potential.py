@@ -58,7 +58,9 @@ class PositionPotential(Potential):
         """Return ∂V/∂q, shape (n,) [N·m]."""
         return self.spring.gradient(x.position)
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return (∂²V/∂q²)v, shape (n,) [N·m/s]."""
         rate: Array = self.spring.tangent_stiffness(x.position) * velocity
         return rate

@@ -66,12 +66,19 @@ class Potential(ABC):
     def coordinate_map(self, x: MechanicalState, goal: Goal | None = None) -> Array | None:
         """Return A, shape (k, n); None for the identity."""
 
+    def twist_map(self, x: MechanicalState, goal: Goal | None = None) -> Array:
+        """Return how c changes with a twist of the frame that it follows, world axes, shape (k, 6); 0 if none."""
+        return np.zeros((len(self.coordinates(x, goal)), 6))
+
     @abstractmethod
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return d/dt of ∂Ψ/∂q, shape (n,) [N·m/s], while c changes by A times a velocity and the arm moves with q̇.
 
         Ȧᵀ∂Ψ/∂c + Aᵀ(∂²Ψ/∂c²)A v: x.velocity, the true q̇, turns Jacobians and frames; ``velocity`` v [rad/s] is
-        v_e = q̇ − q̇_ref along a goal that moves, and q̇ for one at rest.
+        v_e = q̇ − q̇_ref along a goal that moves, and q̇ for one at rest. ``missed`` is what q̇_ref lacks of the goal's
+        twist near a singularity, in the axes of the world (``ResolvedMotion``).
         """
 
     def gradient(self, x: MechanicalState, goal: Goal | None = None) -> Array:

@@ -55,7 +55,9 @@ class SingleJointSpring(Potential):
         gradient[x.system.robot.joint_index(self.joint)] = self.stiffness * self._error(x, goal)
         return gradient
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return k v_i in the joint's entry, shape (n,) [N·m/s]."""
         rate, index = np.zeros(x.system.n), x.system.robot.joint_index(self.joint)
         rate[index] = self.stiffness * velocity[index]

@@ -70,11 +70,14 @@ class Sum(Potential):
             total += term.gradient(x, own)
         return total
 
-    def gradient_rate(self, x: MechanicalState, velocity: Array, goal: Goal | None = None) -> Array:
+    def gradient_rate(
+        self, x: MechanicalState, velocity: Array, goal: Goal | None = None, missed: Array | None = None
+    ) -> Array:
         """Return the sum of the rates, shape (n,) [N·m/s]; v = q̇ in terms that do not follow the goal."""
         total: Array = np.zeros(x.system.n)
         for term, own in self._with_goals(goal):
-            total += term.gradient_rate(x, velocity if goal is None or own is not None else x.velocity, own)
+            follows = goal is None or own is not None
+            total += term.gradient_rate(x, velocity if follows else x.velocity, own, missed if follows else None)
         return total
 
     def coordinates(self, x: MechanicalState, goal: Goal | None = None) -> Array:
@@ -92,6 +95,10 @@ class Sum(Potential):
         n = x.system.n
         maps = [term.coordinate_map(x, own) for term, own in self._with_goals(goal)]
         return np.concatenate([np.zeros((0, n)), *(np.eye(n) if map_ is None else map_ for map_ in maps)])
+
+    def twist_map(self, x: MechanicalState, goal: Goal | None = None) -> Array:
+        """Return the maps of the terms that follow a frame, 0 for the others, shape (k, 6)."""
+        return np.concatenate([np.zeros((0, 6)), *(term.twist_map(x, own) for term, own in self._with_goals(goal))])
 
     def held_directions(self, x: MechanicalState) -> Array:
         """Return the directions that any term holds."""

@@ -74,6 +74,25 @@ def resolved_motion(
     return ResolvedMotion(velocity, acceleration, missed)
 
 
+def missed_share(
+    x: MechanicalState,
+    frame: str,
+    rows: int,
+    *,
+    singular_damping: float = DAMPING_SHARE * SINGULAR_REGION,
+    singular_region: float = SINGULAR_REGION,
+    length: float = LENGTH,
+) -> Array | None:
+    """Return 1 − 𝒥𝒥# = λ²W(𝒥𝒥ᵀ + λ²W)⁻¹, shape (rows, rows): what of a twist is missed; None for nothing."""
+    jacobian = x.frame_jacobian(frame, "local_world_aligned")[:rows]
+    damping, square = frame_damping(rows, singular_damping, singular_region, length), jacobian.dot(jacobian.T)
+    damped = damping.at(square)
+    if damped is None:
+        return None
+    share: Array = damped[0] * np.linalg.solve(square + damped[0] * damping.weight, damping.weight).T
+    return share
+
+
 @lru_cache
 def frame_damping(rows: int, level: float, region: float, length: float) -> SingularDamping:
     """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
