@@ -304,7 +304,7 @@ def _times(law: Controller) -> tuple[float, ...]:
 
 
 def _led_by_posture(law: Controller, time: float) -> bool:
-    """Return whether the velocity that a law leads along with depends on the posture: then it is at no rest in itself."""
+    """Return whether the velocity that a law leads along with depends on the posture: then it does not rest."""
     posture = law.rest_posture(time)
     here, beside = (law.reference_velocity(time, law.system.at(q)) for q in (posture, posture + 1e-2))
     return bool(np.abs(here - beside).max() > 1e-9)

@@ -84,5 +84,5 @@ class ClassicalImpedance(RegulatedLaw):
             lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): x.interconnection(self.interconnection)},
             lambda: {(MOMENTUM, MOMENTUM): inverse @ self.damping @ inverse.T},
             lambda: {} if self.compensate_external_force else {MOMENTUM: inverse},
-            self.drive(measured),
+            self.drive(t, x, measured),
         )

@@ -276,7 +276,7 @@ class Controller(Declared, ABC):
         instead of ever returning a torque that is not finite.
         """
         law = self.shape(t, x, state, measured)
-        force = x.potential_gradient + law.effort
+        force = (x.potential_gradient if law.leading_force is None else law.leading_force) + law.effort
         if law.velocity is not None:
             force -= self._motion(x, law)
         if law.offset_rate is not None:

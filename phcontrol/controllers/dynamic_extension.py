@@ -13,7 +13,7 @@ from phcontrol.controllers.parameters import Gain, Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Blocks, Target
+from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -106,7 +106,8 @@ class DynamicExtension(ShapedLaw):
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (position coordinates, p̂, z)."""
         aim = self.aim(t, x)
-        return self._extended(aim, aim.momentum - self.coupling.dot(state), state)
+        momentum = aim.momentum - self.coupling.dot(state)
+        return self._extended(aim, momentum, state, drive=self.drive(t, x, measured))
 
     def _extended(
         self,
@@ -115,7 +116,7 @@ class DynamicExtension(ShapedLaw):
         state: Array,
         port: Mapping[str, Array] | None = None,
         lost: Blocks = {},  # noqa: B006 - never written to
-        drive: tuple[Mapping[str, Array], Array] | None = None,
+        drive: DrivenParts | None = None,
     ) -> Target:
         """Return the target of the parts error, p̂ and z; of ``lost`` the blocks add to R_d."""
         inverse, Y = aim.x.inverse_factor, self._port

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from phcontrol._validation import Array
-from phcontrol.controllers.command import Command
 from phcontrol.controllers.parameters import Gain
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.position_law import PositionLaw
-from phcontrol.controllers.shaping import EMPTY, Shaping
+from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
-from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import MechanicalState
-from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.sensors.measured import NOTHING, Measured
-
-_feedback = kernels.feedback
 
 
 class EnergyShaping(PositionLaw):
@@ -48,8 +43,6 @@ class EnergyShaping(PositionLaw):
         super().prepare()
         G = self.system.input_matrix
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
-        self._tracked = self._trajectory if self.interconnection == "coriolis" else None
-        self._spring_stiffness = self.potential.stiffness if isinstance(self.potential, JointSpring) else None
 
     def cancelled(self, measured: Measured) -> Array | None:
         """Return the part of f_e that the law cancels [N·m]; None for nothing."""
@@ -72,32 +65,17 @@ class EnergyShaping(PositionLaw):
             lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): self.structure(t, x)},
             lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed_injection(self.damping)},
             lambda: {} if "external_force" in self.needs else {MOMENTUM: x.inverse_factor},
+            self.drive(t, x, measured),
         )
-
-    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Command:
-        """Return the torque; along a trajectory in the coriolis form neither M nor C is formed."""
-        if self._tracked is None or self._spring_stiffness is None:
-            return super().evaluate(t, x, state, measured)
-        desired = self._tracked.at(t)
-        velocity = desired.velocity
-        force = _feedback(
-            x.feedforward(velocity, desired.acceleration),
-            self._spring_stiffness,
-            x.position_error(desired.position),
-            self._joint_damping,
-            x.velocity,
-            velocity,
-        )
-        known = self.cancelled(measured)
-        if known is not None:
-            force -= known
-        return self._command(t, x, state, force, EMPTY)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e."""
-        aim = self.aim(t, x)
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e; in the coriolis form neither M nor C is formed."""
+        aim, known = self.aim(t, x), self.cancelled(measured)
         effort = -(aim.gradient + self._joint_damping.dot(aim.velocity))
-        return Shaping(effort, *aim.shift(), cancelled_force=self.cancelled(measured))
+        if aim.reference_velocity is not None and self.interconnection == "coriolis":
+            leading = x.feedforward(aim.reference_velocity, aim.reference_acceleration)  # type: ignore[arg-type]  # both or none
+            return Shaping(effort, cancelled_force=known, leading_force=leading)
+        return Shaping(effort, *aim.shift(), cancelled_force=known)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return Gᵀv_e, v_eᵀ(D + G C Gᵀ)v_e, and (D + G C Gᵀ)v_e."""

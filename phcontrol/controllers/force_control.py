@@ -15,7 +15,7 @@ from phcontrol.controllers.dynamic_extension import DynamicExtension, invertible
 from phcontrol.controllers.parameters import Flag, Gain, Parameter, Positive
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.controllers.target import MOMENTUM, DrivenParts, Target, joined
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.joint_force import JointForce
@@ -203,14 +203,17 @@ class ForceControl(DynamicExtension):
         """Return the closed loop on (position coordinates, p̂, w); where f_d does not act it drives w as an input."""
         aim = self._aim(t, x, measured)
         momentum = aim.momentum - self.coupling.dot(state)
+        along = super().drive(t, x, measured)
         if self._acts(measured):
-            return self._extended(aim, momentum, state)
+            return self._extended(aim, momentum, state, drive=along)
         approaching, inverse = self._approaches(measured), x.inverse_factor
         lost = {}
         if approaching:
             rate = self._rate(aim, measured)
             if self._is_held(x.solve_factor_transposed(self.coupling.dot(state)), state, rate):
                 lost = {("force", "force"): np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))}
-        drive = {"force": -self._port.T @ x.solve_factor(self.desired.lever(x))}, self.desired.force
+        drive: DrivenParts = {"force": -self._port.T @ x.solve_factor(self.desired.lever(x))}, self.desired.force
+        if along is not None:
+            drive = joined(drive, along)
         port = {MOMENTUM: inverse} if approaching else {MOMENTUM: inverse, "force": self._port.T @ inverse}
         return self._extended(aim, momentum, state, port, lost, drive)

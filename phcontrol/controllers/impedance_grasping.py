@@ -152,5 +152,5 @@ class ImpedanceGrasping(RegulatedLaw):
                 ("rest_length", "rest_length"): one,
             },
             {} if self.regulation is None else {MOMENTUM: x.inverse_factor},
-            self.drive(measured),
+            self.drive(t, x, measured),
         )

@@ -142,6 +142,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
             lambda: self._interconnection(aim),
             lambda: self._dissipation(aim),
             lambda: {MOMENTUM: x.inverse_factor},
+            self.drive(t, x, measured),
         )
 
     def _interconnection(self, aim: Aim) -> dict[tuple[str, str], Array]:

@@ -11,6 +11,7 @@ from phcontrol.controllers.aim import Aim
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.position_law import PositionLaw
+from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -60,7 +61,7 @@ class RegulatedLaw(PositionLaw):
     @property
     def driven_by(self) -> str:
         """With regulation, the error of the contact force."""
-        return "" if self.regulation is None else "f_e − f_d, which moves the virtual position"
+        return super().driven_by if self.regulation is None else "f_e − f_d, which moves the virtual position"
 
     @property
     def lacks_minimum(self) -> str:
@@ -81,9 +82,11 @@ class RegulatedLaw(PositionLaw):
         goal: Any = self._spring.goal if aim.goal is None else aim.goal
         return Aim(x, self._spring, goal + moved, aim.reference_velocity, aim.reference_acceleration)
 
-    def drive(self, measured: Measured) -> tuple[dict[str, Array], Array] | None:
-        """Return how the moving q_f enters the parts of the target, and q̇_f; None without regulation."""
-        if self.regulation is None or measured.external_force is None:
+    def drive(self, t: float, x: MechanicalState, measured: Measured) -> DrivenParts | None:
+        """Return how the moving q_f enters the parts of the target, and q̇_f."""
+        if self.regulation is None:
+            return super().drive(t, x, measured)
+        if measured.external_force is None:
             return None
         one = np.eye(self.system.n)
         return {"error": -one, VIRTUAL_POSITION: one}, self.regulation.rate(measured.external_force)

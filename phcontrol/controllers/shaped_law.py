@@ -8,18 +8,23 @@ from typing import Any
 import numpy as np
 
 from phcontrol._differences import central_difference
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.controllers.aim import Aim
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.potential import Potential
+from phcontrol.sensors.measured import Measured
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
-from phcontrol.trajectories.resolved_motion import resolved_motion
+from phcontrol.trajectories.resolved_motion import missed_share, resolved_motion
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
+
+_MINIMA = 33  # along a path, from which postures between them are found
 
 AnyReference = Trajectory | FramePath
 """Along what a law may lead the arm."""
@@ -58,7 +63,7 @@ class ShapedLaw(Controller):
         self.potential: Potential = self.shaped()
         """Ψ."""
         self.potential.check(self.system)
-        self._minima: dict[float | None, Array] = {}
+        self._found: dict[float, Array] = {}
         if self._path is not None and self._path.frame not in self.potential.follows:
             raise InvalidArgumentError(
                 "reference", f"is a path of '{self._path.frame}': the potential must have a spring on that frame"
@@ -95,16 +100,29 @@ class ShapedLaw(Controller):
         if self._path is not None:
             pose = self._path.at(t)
             motion = resolved_motion(x, self._path.frame, pose)
-            return Aim(
-                x,
-                shaped,
-                _pose(pose),
-                motion.velocity,
-                motion.acceleration,
-            )
+            missed = motion.missed if motion.missed.any() else None
+            return Aim(x, shaped, _pose(pose), motion.velocity, motion.acceleration, missed)
         assert self._trajectory is not None
         desired = self._trajectory.at(t)
         return Aim(x, shaped, desired.position, desired.velocity, desired.acceleration)
+
+    def drive(self, t: float, x: MechanicalState, measured: Measured) -> DrivenParts | None:
+        """Return how what drives the law enters the parts of its target, and that signal; None for nothing.
+
+        Here the twist of a path near a singularity: its part that the joints cannot follow moves the error.
+        """
+        if self._path is None:
+            return None
+        desired = self._path.at(t)
+        share = missed_share(x, self._path.frame, len(desired.twist))
+        if share is None:
+            return None
+        return {"error": -self.potential.twist_map(x, _pose(desired))[:, : len(share)] @ share}, desired.twist
+
+    @property
+    def driven_by(self) -> str:
+        """Along a path, what of it the joints cannot follow."""
+        return "" if self._path is None else "the path's twist where the arm is near a singularity and cannot follow"
 
     @property
     def lacks_minimum(self) -> str:
@@ -120,18 +138,38 @@ class ShapedLaw(Controller):
         """Return q_d at time t [s]; None where the potential does not tell one posture."""
         if self._trajectory is not None:
             return self._trajectory.at(t).position
-        return self.potential.posture if self.reference is None else None
+        return self._posture if self.reference is None else None
+
+    @lazy
+    def _posture(self) -> Array | None:
+        """The posture that Ψ knows, if it is smallest there."""
+        posture = self.potential.posture
+        if posture is None:
+            return None
+        x = self.system.at(posture)
+        beside = self.potential.gradient(self.system.at(posture + 0.1))
+        return posture if np.abs(self.potential.gradient(x)).max() <= 1e-9 * np.abs(beside).max() else None
 
     def rest_posture(self, t: float) -> Array:
         """Return q_d, or a posture near the arm's home at which Ψ is smallest, shape (n,) [rad]."""
         posture = self.target_posture(t)
         if posture is not None:
             return posture
-        goal = None if self._path is None else _pose(self._path.at(t))
-        key = None if goal is None else t
-        if key not in self._minima:
-            self._minima[key] = self.potential.minimum_near(self.system, self.system.robot.home, goal)
-        return self._minima[key]
+        if self._path is None:
+            return self._minima[0]
+        step = max(0, min(_MINIMA - 1, int(t / self.time_span * (_MINIMA - 1))))
+        if t not in self._found:
+            self._found[t] = self.potential.minimum_near(self.system, self._minima[step], _pose(self._path.at(t)))
+        return self._found[t]
+
+    @lazy
+    def _minima(self) -> list[Array]:
+        """Postures at which Ψ is smallest, at times spread over the reference, each from the one before."""
+        system, found = self.system, [self.system.robot.home]
+        for share in np.linspace(0.0, 1.0, 1 if self._path is None else _MINIMA):
+            goal = None if self._path is None else _pose(self._path.at(share * self.time_span))
+            found.append(self.potential.minimum_near(system, found[-1], goal))
+        return found[1:]
 
     def reference_velocity(self, t: float, x: MechanicalState) -> Array:
         """Return q̇_ref, shape (n,) [rad/s]."""

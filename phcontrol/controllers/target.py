@@ -9,12 +9,16 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 
 Blocks = Mapping[tuple[str, str], Array]
 """Blocks of a matrix by the names of their rows and columns. Of a block off the diagonal its mirror image follows."""
 Part = tuple[Array, Array]
 """Coordinates, and the derivative of H_d with respect to them."""
+
+DrivenParts = tuple[Mapping[str, Array], Array]
+"""How a signal enters the rows of parts, by name, and the signal."""
 
 MOMENTUM = "momentum"
 """Name of the part p̂, which every target has: the one on which torques act."""
@@ -76,7 +80,7 @@ class Target:
         interconnection: Blocks | Callable[[], Blocks],
         dissipation: Blocks | Callable[[], Blocks] = {},  # noqa: B006 - never written to
         port: Mapping[str, Array] | Callable[[], Mapping[str, Array]] = {},  # noqa: B006
-        drive: tuple[Mapping[str, Array], Array] | None = None,
+        drive: DrivenParts | None = None,
     ) -> Target:
         """Make a target of named parts and blocks.
 
@@ -169,7 +173,9 @@ class Target:
 
     @property
     def momentum(self) -> Array:
-        """The part p̂."""
+        """The part p̂. Raises InvalidArgumentError when no part is named so."""
+        if MOMENTUM not in self.parts:
+            raise InvalidArgumentError("target", "has no part 'momentum', from which the torque follows: see Target.of")
         return self.coordinates[self.parts[MOMENTUM]]
 
     def rate(self, external_force: Array | None = None) -> Array:
@@ -182,6 +188,14 @@ class Target:
     def driven(self) -> Array:
         """Return the part of ẋ that the drive makes."""
         return np.zeros(len(self.gradient)) if self.drive is None else self.drive.port @ self.drive.signal
+
+
+def joined(first: DrivenParts, second: DrivenParts) -> DrivenParts:
+    """Return two drives of different parts as one."""
+    (ports, signal), (other_ports, other) = first, second
+    before = {name: np.hstack([port, np.zeros((len(port), len(other)))]) for name, port in ports.items()}
+    after = {name: np.hstack([np.zeros((len(port), len(signal))), port]) for name, port in other_ports.items()}
+    return before | after, np.concatenate([signal, other])
 
 
 def _value(matrix: Array | Callable[[], Array]) -> Array:

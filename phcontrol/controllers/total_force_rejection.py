@@ -43,6 +43,7 @@ class TotalForceRejection(EnergyShaping):
             {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
             lambda: {("error", MOMENTUM): aim.coupling},
             lambda: {(MOMENTUM, MOMENTUM): x.transformed_injection(self.damping)},
+            drive=self.drive(t, x, measured),
         )
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
