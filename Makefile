@@ -1,5 +1,6 @@
 # make demo   set everything up and see the PERA move: log, picture, certificate and a page in results/position
-# make test   set everything up and run the tests
+# make test   set everything up and run the tests, but for the thesis's studies, which take longer than all others
+# make test-all   all of them
 # make docs   the documentation as a site, in site/index.html
 # make lint   formatter, linter and type checker
 PYTHON ?= python3
@@ -8,13 +9,18 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 # one BLAS thread each: parallel test processes with more would wait for each other
-.PHONY: demo test docs lint clean
+.PHONY: demo test test-all docs lint clean
 
 demo: $(READY)
 	$(BIN)/phcontrol run position --robot pera --out results/position --record results/position/position.html
 
+TESTS := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+
 test: $(READY)
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+	$(TESTS) -m "not study"
+
+test-all: $(READY)
+	$(TESTS)
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -20,7 +20,7 @@ class KernelsHook(BuildHookInterface):
             return
         try:
             libraries = compile_extensions(Path(self.root))
-        except Exception as error:  # whatever a missing or strange compiler raises
+        except Exception as error:  # whatever a missing or broken compiler raises
             print(f"phcontrol: the kernels were not compiled ({error}); LAPACK is used instead", file=sys.stderr)
             return
         for library in libraries:

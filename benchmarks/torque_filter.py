@@ -4,7 +4,7 @@
 
 An arm is driven to a goal outside its limits, with and without a limit of the torque rate, and against a stiff wall;
 what the filter was asked in that run is asked again, and each call is timed, apart for each way in which it found its
-torque, between calls of a hand-written Slotine-Li law, which tells the machine's mood. The law's passive port is not
+torque, between calls of a hand-written Slotine-Li law, which reports the machine's mood. The law's passive port is not
 included: it is timed on its own.
 """
 
@@ -89,7 +89,7 @@ def table(
     clock = time.perf_counter_ns
     gc.disable()
     for _ in range(repeats):
-        for position, velocity, wish, arguments in asked:
+        for position, velocity, desired, arguments in asked:
             start_ns = clock()
             by_hand(position, velocity)
             times["Slotine-Li, by hand"].append(clock() - start_ns)
@@ -99,7 +99,7 @@ def table(
             controller.passive_port(0.0, x, state)
             times["passive port"].append(clock() - start_ns)
             start_ns = clock()
-            filtered = TorqueFilter.filter(filter_, x, wish, **arguments)
+            filtered = TorqueFilter.filter(filter_, x, desired, **arguments)
             elapsed = clock() - start_ns
             times[f"filter: {filtered.status.name.lower()}"].append(elapsed)
             times["filter: all"].append(elapsed)

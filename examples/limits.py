@@ -3,7 +3,7 @@
     python examples/limits.py [--duration SECONDS] [--law NAME] [--arm NAME] [--torque-rate N·m/s]
 
 Prints, for each run, by how much position, velocity and torque limits were exceeded, by how much the storage function
-H_d grew beyond what the environment supplied, how much of that the filter told of (the limits forbid what would be
+H_d grew beyond what the environment supplied, how much of that the filter reported (the limits forbid what would be
 needed), and how much it did not.
 """
 
@@ -46,9 +46,9 @@ class Violations:
     """Largest torque beyond an effort limit [N·m]."""
     growth: float
     """Largest growth of H_d beyond what was supplied, over its largest value."""
-    told: float
+    reported: float
     """How much growth the filter reported: ∫ storage_excess dt, over the same value."""
-    untold: float
+    unreported: float
     """Largest growth beyond what was supplied and reported, over the same value."""
     fallbacks: int
     """How often the solver's answer was not used."""
@@ -56,7 +56,7 @@ class Violations:
     def __str__(self) -> str:
         return (
             f"{self.position:>10.4f}{self.velocity:>10.4f}{self.torque:>10.2f}"
-            f"{self.growth:>11.1e}{self.told:>11.1e}{self.untold:>11.1e}{self.fallbacks:>5}"
+            f"{self.growth:>11.1e}{self.reported:>11.1e}{self.unreported:>11.1e}{self.fallbacks:>5}"
         )
 
 
@@ -94,15 +94,15 @@ def violations(log: Log, arm: str) -> Violations:
     beyond = np.maximum(log.position - robot.upper, robot.lower - log.position).max()
     supplied = np.concatenate([[0.0], np.cumsum(0.5 * (log.supplied_power[1:] + log.supplied_power[:-1]) * PERIOD)])
     own, largest, activity = log.storage - supplied, np.abs(log.storage).max(), log.filter_activity
-    told = np.cumsum(activity["storage_excess"]) * PERIOD if activity else np.zeros(len(log))
-    beyond_told = own - np.concatenate([[0.0], told[:-1]])
+    reported = np.cumsum(activity["storage_excess"]) * PERIOD if activity else np.zeros(len(log))
+    beyond_reported = own - np.concatenate([[0.0], reported[:-1]])
     return Violations(
         position=max(0.0, float(beyond)),
         velocity=max(0.0, float((np.abs(log.velocity) - robot.velocity_limit).max())),
         torque=max(0.0, float((np.abs(log.torque) - robot.effort_limit).max())),
         growth=growth_of(own) / largest,
-        told=float(told[-1]) / largest,
-        untold=growth_of(beyond_told) / largest,
+        reported=float(reported[-1]) / largest,
+        unreported=growth_of(beyond_reported) / largest,
         fallbacks=int((activity["status"] == FilterStatus.FALLBACK).sum()) if activity else 0,
     )
 
@@ -120,7 +120,7 @@ def main() -> None:
     parser.add_argument("--arm", choices=list(ARMS))
     parser.add_argument("--torque-rate", type=float, help="for the filter [N·m/s]")
     options = parser.parse_args()
-    names = ("position", "velocity", "torque"), ("H_d grew", "told of", "untold")
+    names = ("position", "velocity", "torque"), ("H_d grew", "reported", "unreported")
     print(
         f"{'':<52}"
         + "".join(f"{name:>10}" for name in names[0])

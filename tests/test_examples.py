@@ -61,7 +61,7 @@ def test_servo_to_object(tmp_path, monkeypatch):
 
 
 def test_servo_and_grasp_is_one_closed_loop(tmp_path, monkeypatch):
-    """The hand is at the block before it closes, and then holds it with the wished force."""
+    """The hand is at the block before it closes, and then holds it with the desired force."""
     it = run("servo_and_grasp.py", tmp_path, monkeypatch)
     assert all(certificate.passed for certificate in it["certificates"])
     log = it["log"]

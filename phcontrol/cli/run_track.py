@@ -72,8 +72,8 @@ def track(
 ) -> None:
     """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
     system = system_of(robot, lock, armature)
-    wished = goal_of(system, goal, reach, frame)
-    posture = system.robot.near_home() if wished is None else wished
+    desired = goal_of(system, goal, reach, frame)
+    posture = system.robot.near_home() if desired is None else desired
     knowledge = choice("external force", external_force, ("none", "measured", "observed"))
     run_and_write(
         system,

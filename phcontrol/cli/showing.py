@@ -28,7 +28,7 @@ class Showing(NamedTuple):
 
 @contextmanager
 def watching(showing: Showing) -> Iterator[LiveView | None]:
-    """Give a live view, or nothing where none is wished."""
+    """Give a live view, or nothing where none is asked for."""
     if not showing.view:
         check_port_is_used(showing.port)
         yield None

@@ -115,8 +115,6 @@ class ShapedLaw(Controller):
             return None
         desired = self._path.at(t)
         share = missed_share(x, self._path.frame, len(desired.twist))
-        if share is None:
-            return None
         return {"error": -self.potential.twist_map(x, _pose(desired))[:, : len(share)] @ share}, desired.twist
 
     @property

@@ -31,17 +31,17 @@ __all__ = [
     "transformed_rate",
 ]
 
-_wish = os.environ.get("PHCONTROL_KERNELS", "")
-if _wish not in ("", "compiled", "lapack"):
-    raise ImportError(f"PHCONTROL_KERNELS must be 'compiled' or 'lapack', but is '{_wish}'")
+_choice = os.environ.get("PHCONTROL_KERNELS", "")
+if _choice not in ("", "compiled", "lapack"):
+    raise ImportError(f"PHCONTROL_KERNELS must be 'compiled' or 'lapack', but is '{_choice}'")
 
-if TYPE_CHECKING or _wish == "lapack":
+if TYPE_CHECKING or _choice == "lapack":
     from phcontrol.mechanics import _lapack as _chosen
 else:
     try:
         from phcontrol.mechanics import _compiled as _chosen
     except ImportError as error:
-        if _wish == "compiled":
+        if _choice == "compiled":
             raise ImportError("PHCONTROL_KERNELS is 'compiled', but the kernels were not built") from error
         from phcontrol.mechanics import _lapack as _chosen
 

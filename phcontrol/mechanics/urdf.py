@@ -238,7 +238,7 @@ class _Reader:
             assert isinstance(child, Element)
             tag = child.tag
             if tag not in known:
-                self._check_stranger(element, child, owner)
+                self._check_unknown(element, child, owner)
                 continue
             if tag in found and tag not in _REPEATED:
                 self._findings.add(child.line, f"{owner} has a second <{tag}>; only one can hold")
@@ -255,7 +255,7 @@ class _Reader:
                     self._findings.add(child.line, f"{owner}: <{tag}> has no attribute '{name}'; it may have {listing}")
         return found
 
-    def _check_stranger(self, element: Element, child: Element, owner: str) -> None:
+    def _check_unknown(self, element: Element, child: Element, owner: str) -> None:
         """Let pass what other programs add; refuse what looks as if it should be read."""
         near = difflib.get_close_matches(child.tag.lower(), _NAMES, n=1, cutoff=0.75)
         if element.tag == "robot":

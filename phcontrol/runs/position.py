@@ -211,6 +211,6 @@ def run_position(
     if not isinstance(law, TrajectoryTracking):
         return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
     certificate = certify(law.unheld, system, samples=samples)
-    wished = np.array([law.trajectory.at(float(t)).position for t in log.time])
+    desired = np.array([law.trajectory.at(float(t)).position for t in log.time])
     limits = check_limits(law.trajectory, system)
-    return PositionRun(log, certificate, wished, wall_time, system.robot, limits)
+    return PositionRun(log, certificate, desired, wall_time, system.robot, limits)

@@ -19,7 +19,7 @@ class ControlBox:
     """An arm as its manufacturer hands it over: torques in, readings out, every ``period``.
 
     The last torque is held, clipped to the effort limits. When no newer one came for ``patience``, the box brakes by
-    itself: gravity is carried, motion is damped. Commands carry a number; one that is not newer than the last
+    itself: gravity is compensated, motion is damped. Commands carry a number; one that is not newer than the last
     (late, duplicated, out of order), too far ahead of it (:class:`NumberWindow`), has another length, or is not finite,
     is not used.
 

@@ -45,7 +45,7 @@ class ControlLoop:
       state advances in the same proportion.
     - **stop**: ``stop()``, and each of the faults below, lets the torque go over to holding within ``stop_time``.
     - **stale readings**: a reading older than ``stale_after`` stops the loop. While it stays stale its velocity counts
-      as unknown: holding carries gravity at the last position, without damping.
+      as unknown: holding compensates gravity at the last position, without damping.
     - **gaps**: so does a pause of more than ``stale_after`` from one step to the next.
     - **implausible readings** (not real numbers, not finite, of a wrong shape, beyond all limits, or a jump that the
       velocity limits do not allow) are not used; the last good one is, and grows older. Three in a row stop the loop.
@@ -278,7 +278,7 @@ class ControlLoop:
         return sampled.limited(x, part * command.torque + (1.0 - part) * self._holding(False), measured)
 
     def _holding(self, stale: bool) -> Array:
-        """Return the torque that carries the arm's weight and damps its motion [N·m]; needs no model."""
+        """Return the torque that compensates the arm's weight and damps its motion [N·m]; needs no model."""
         force = self._gravity
         if not stale and self._reading.value is not None:
             force = force - self._damping * self._reading.value[self.system.n :]

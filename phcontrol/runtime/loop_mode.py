@@ -17,7 +17,7 @@ class LoopMode(IntEnum):
     STOPPING = 3
     """From the last torque to holding, within ``stop_time``."""
     STOPPED = 4
-    """Holding: gravity is carried, motion damped."""
+    """Holding: gravity is compensated, motion damped."""
 
     @property
     def is_active(self) -> bool:

@@ -16,7 +16,7 @@ class FilterStatus(IntEnum):
     """The program's answer: every condition is met."""
     FEASIBLE = 3
     """Every condition is met, but the solver failed and a nearer torque may exist: the best of a search."""
-    STORAGE_GIVEN_UP = 4
+    STORAGE_RELAXED = 4
     """The program's answer where the storage condition cannot be met with the limits."""
     FALLBACK = 5
     """The solver gave no answer that passed the check: braking torque, clipped."""

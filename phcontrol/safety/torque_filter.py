@@ -24,7 +24,7 @@ from phcontrol.safety.quadratic_program import UNBOUNDED, Problem
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
 
-_FARTHEST = 1e6  # a wished torque beyond this many times the effort limit is taken as that
+_FARTHEST = 1e6  # a desired torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
@@ -101,7 +101,7 @@ class TorqueFilter:
     v⁺ = q̇ + h(M + hθF_v)⁻¹(G u + f_e − C q̇ − F_v q̇ − s − ∂V/∂q) is the velocity after one period h, and its bounds are
     those of :class:`Limits`: velocity limits, and speeds from which each joint can still stop in front of its position
     limits. F_v is the viscous friction, and of the dry friction s only an interval is known: 3 is asked for with the s
-    that is worst for each bound (:class:`FrictionPrediction`), ``motion_excess`` is told for the worst.
+    that is worst for each bound (:class:`FrictionPrediction`), ``motion_excess`` is reported for the worst.
     P is the mean rate of H_d over the period, but for the power of f_e, see :class:`StorageCondition`: by 4 the storage
     function still does not grow by itself.
 
@@ -199,7 +199,7 @@ class TorqueFilter:
 
         Args:
             x: the state now.
-            torque: u★, what the law wishes [N·m], finite.
+            torque: u★, what the law desires [N·m], finite.
             previous: the torque applied until now [N·m], for the rate limit; None for a start without one.
             external_force: f_e [N·m] as far as it is known, for the prediction.
             port: of the law (``Controller.passive_port``); None leaves condition 4 out.

@@ -1,4 +1,4 @@
-"""The torque filter's program: linear bounds, and one convex quadratic condition that may be given up."""
+"""The torque filter's program: linear bounds, and one convex quadratic condition that may be relaxed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class TorqueProgram:
     the objective, and each quadratic program is solved and checked by :class:`QuadraticProgram`. A tangent allows all
     that the constraint allows, so a program without a solution proves that there is none. Where it cannot be met, or
     that is not sure, the constraint's left side goes into the objective with a weight of 10⁶ instead, which brings
-    it to within about 10⁻⁵ of its smallest value, and tells whether that is above 0.
+    it to within about 10⁻⁵ of its smallest value, and reports whether that is above 0.
 
     Args:
         n: number of unknowns; as many rows C.
@@ -45,12 +45,12 @@ class TorqueProgram:
         self._free.reset()
         self._start: Array | None = None
         self._weight = 0.0
-        self._gave_up = False
+        self._relaxed = False
 
     @property
     def is_constrained(self) -> bool:
-        """Whether the quadratic constraint was in the way of the last answer, or given up."""
-        return self._gave_up or self._weight > 0.0
+        """Whether the quadratic constraint was in the way of the last answer, or relaxed."""
+        return self._relaxed or self._weight > 0.0
 
     def solve(
         self, free: Problem, feasible: Array, constraint: QuadraticConstraint | None = None
@@ -59,10 +59,10 @@ class TorqueProgram:
         if constraint is None:
             answer = self._free.solve(free, feasible)
             return (FilterStatus.FALLBACK if answer is None else FilterStatus.SOLVED), answer
-        insisted = self._insisted(free, constraint, feasible) if self._gave_up else None
+        insisted = self._insisted(free, constraint, feasible) if self._relaxed else None
         if insisted is not None and _proves(free, constraint, insisted):
-            return FilterStatus.STORAGE_GIVEN_UP, insisted
-        self._gave_up = False
+            return FilterStatus.STORAGE_RELAXED, insisted
+        self._relaxed = False
         answer = self._by_tangents(free, constraint)
         if answer is not None:
             return FilterStatus.SOLVED, answer
@@ -74,8 +74,8 @@ class TorqueProgram:
         if constraint.value(insisted) <= 0.0:
             answer = self._by_tangents(free, constraint, insisted)
             return self._by_insistence(free, constraint, insisted) if answer is None else (FilterStatus.SOLVED, answer)
-        self._gave_up = True
-        return FilterStatus.STORAGE_GIVEN_UP, insisted
+        self._relaxed = True
+        return FilterStatus.STORAGE_RELAXED, insisted
 
     def _insisted(
         self, free: Problem, constraint: QuadraticConstraint, feasible: Array, weight: float = _INSISTENCE

@@ -104,6 +104,7 @@ class ClosedLoop:
         self._still = Surroundings(self._steady_force, _EMPTY, Measured(self._steady_force)) if still else None
         self._needs_total_force = "total_force" in controller.needs
         self._no_rate: Array = np.zeros(controller.state_size)
+        self._limits = None if torque_limit is None else (-torque_limit, torque_limit)
 
     def evaluate(self, t: float, y: Array, held: Held = NOTHING_HELD) -> Evaluation:
         """Return ẏ, and the torque and the force that make it."""
@@ -153,8 +154,10 @@ class ClosedLoop:
             y = y.copy()
             y[states] = state
         x = self.plant_state(y)
-        shown = self._shown(x, self.surroundings(t, x, y), measured)
-        return y, sampled.step(t, x.seen_by(self.model), state, shown)
+        if measured is None:
+            around = self.surroundings(t, x, y)
+            measured = self._total(x, around) if self._needs_total_force else around.truth
+        return y, sampled.step(t, x.seen_by(self.model), state, measured)
 
     def plant_state(self, y: Array) -> MechanicalState:
         """Return the plant's state at y."""
@@ -194,18 +197,17 @@ class ClosedLoop:
         """Return the applied torque and the rate of the controller's state."""
         if held.torque is not None:
             return held.torque, self._no_rate
-        measured = self._shown(x, around, held.measured)
+        measured = held.measured
+        if measured is None:
+            measured = self._total(x, around) if self._needs_total_force else around.truth
         state = y[self._end : self._bodies_start]
         torque, state_rate = self.controller.evaluate(t, x.seen_by(self.model), state, measured)
-        limit = self.torque_limit
-        return torque if limit is None else clipped(torque, -limit, limit), state_rate
+        if self._limits is not None:
+            torque = clipped(torque, *self._limits)
+        return torque, state_rate
 
-    def _shown(self, x: MechanicalState, around: Surroundings, measured: Measured | None) -> Measured:
-        """Return what the controller is shown beside its state: what sensors show, or the truth."""
-        if measured is not None:
-            return measured
-        if not self._needs_total_force:
-            return around.truth
+    def _total(self, x: MechanicalState, around: Surroundings) -> Measured:
+        """Return the truth with the total force in it."""
         return around.truth._replace(total_force=x.total_force(around.external_force))
 
 

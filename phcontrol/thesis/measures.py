@@ -23,7 +23,7 @@ def arrival_time(log: Log, position: float, within: float) -> float:
 
 
 def settling_time(log: Log, force: float, within: float = 0.05) -> float:
-    """Return from when the contact force stays within a fraction of a wished one [s]; infinite if never."""
+    """Return from when the contact force stays within a fraction of a desired one [s]; infinite if never."""
     return _stays_from(log, np.abs(log.contact_force - force) <= within * force)
 
 

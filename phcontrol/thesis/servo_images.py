@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 GOAL = np.array(FEATURE_GOAL)  # [m]
 CAMERA = PinholeCamera(image_size=(640, 480), field_of_view=np.deg2rad(60.0))
-FRONT = np.array([-0.5, 0.6, 0.1, -1.3, 0.0, -1.5, 0.0])  # from here the object is seen as wished [rad]
+FRONT = np.array([-0.5, 0.6, 0.1, -1.3, 0.0, -1.5, 0.0])  # from here the object is seen as desired [rad]
 AWAY = np.array([0.19, 0.32, -0.16, -0.11, 0.32, 0.22, -0.23])  # from there to where the arm starts [rad]
 TURN = 0.4  # of the object in the image at the goal [rad]
 RATE = 30.0  # [Hz]
@@ -55,7 +55,7 @@ def run() -> Outcome:
         for claim in (
             Claim(f"centred-{law}", f"the object ends in the middle: largest distance in the last second ({law})",
                   "our aim: within 2 pixels", (0.0,), (away,), "pixels", 2.0),
-            Claim(f"length-{law}", f"and as long as wished: largest error in the last second ({law})",
+            Claim(f"length-{law}", f"and as long as desired: largest error in the last second ({law})",
                   "our aim: within 2 %", (0.0,), (longer,), "%", 2.0),
         )
     ]  # fmt: skip

@@ -46,7 +46,7 @@ class Start:
     position: Array
     scene: ObservedObject
     goal: Array
-    """The posture from which the object looks as wished [rad], found from what is seen at the start."""
+    """The posture from which the object looks as desired [rad], found from what is seen at the start."""
 
 
 def run() -> Outcome:

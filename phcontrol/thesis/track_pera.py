@@ -94,7 +94,7 @@ def _figure(logs: dict[str, Log], system: MechanicalSystem) -> Figure:
     for (name, entry), color in zip(logs.items(), ("#999999", "#d55e00", "#0072b2"), strict=True):
         largest = np.abs(tracking_error(entry, TRAJECTORY)).max(axis=1)
         lower.semilogy(entry.time, np.maximum(largest, 1e-14), color=color, label=name)
-    upper.set(ylabel="q [rad]", title="Seven joints at once (dashed: wished)")
+    upper.set(ylabel="q [rad]", title="Seven joints at once (dashed: desired)")
     lower.set(
         xlabel="t [s]", ylabel="largest joint error [rad]", title="continuous, held for 1 ms, made up for the hold"
     )

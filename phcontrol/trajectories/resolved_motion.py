@@ -82,13 +82,13 @@ def missed_share(
     singular_damping: float = DAMPING_SHARE * SINGULAR_REGION,
     singular_region: float = SINGULAR_REGION,
     length: float = LENGTH,
-) -> Array | None:
-    """Return 1 − 𝒥𝒥# = λ²W(𝒥𝒥ᵀ + λ²W)⁻¹, shape (rows, rows): what of a twist is missed; None for nothing."""
+) -> Array:
+    """Return 1 − 𝒥𝒥# = λ²W(𝒥𝒥ᵀ + λ²W)⁻¹, shape (rows, rows): what of a twist is missed; 0 where nothing is damped."""
     jacobian = x.frame_jacobian(frame, "local_world_aligned")[:rows]
     damping, square = frame_damping(rows, singular_damping, singular_region, length), jacobian.dot(jacobian.T)
     damped = damping.at(square)
     if damped is None:
-        return None
+        return np.zeros((rows, rows))
     share: Array = damped[0] * np.linalg.solve(square + damped[0] * damping.weight, damping.weight).T
     return share
 

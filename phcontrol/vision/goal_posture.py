@@ -24,7 +24,7 @@ def goal_posture(
     guess: ArrayLike | None = None,
     steps: int = 500,
 ) -> Array:
-    """Return a posture from which an object has the wished features, by Newton steps from ``guess``, shape (n,) [rad].
+    """Return a posture from which an object has the desired features, by Newton steps from ``guess``, shape (n,) [rad].
 
     On an arm with more than three joints it is the one that the smallest steps from ``guess`` lead to.
 

@@ -70,7 +70,7 @@ def test_force_feedback_is_the_formula_of_section_4_2(shoulder, rng, measured):
 
 
 def test_laws_act_through_the_input_matrix(rng):
-    """With gears G the motors' torques G u are the same wished joint torques; damping acts on y = Gᵀq̇."""
+    """With gears G the motors' torques G u are the same desired joint torques; damping acts on y = Gᵀq̇."""
     G = np.array([[1.0, 0.5], [0.0, 2.0]])
     robot = load_robot("pera_shoulder")
     geared = MechanicalSystem(robot, input_matrix=G)

@@ -111,14 +111,14 @@ def thesis_torque(law, x, features, sign):
     to_velocity = x.solve_factor_transposed(np.eye(x.system.n))
     beta_1 = sign * by_position @ to_velocity + by_features @ B @ to_velocity + law.damping
     beta_2 = -by_position @ inverse - by_features
-    wished = (
+    desired = (
         x.solve_factor(x.potential_gradient)
         + (J2 - x.transformed_damping) @ theta
         - beta_1 @ momentum
         - beta_2 @ error
         - x.solve_factor(B.T @ error)
     )
-    return T @ wished  # v = Ḡ⁻¹[...], Ḡ = T⁻¹
+    return T @ desired  # v = Ḡ⁻¹[...], Ḡ = T⁻¹
 
 
 @pytest.mark.parametrize("arm", ARMS)

@@ -148,12 +148,12 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         compiled.solve(matrix)
 
 
-@pytest.mark.parametrize("wish", ["lapack", "compiled", "nonsense"])
-def test_the_environment_chooses_the_kernels(wish):
+@pytest.mark.parametrize("choice", ["lapack", "compiled", "nonsense"])
+def test_the_environment_chooses_the_kernels(choice):
     command = [sys.executable, "-c", "from phcontrol.mechanics.kernels import KERNELS; print(KERNELS)"]
-    result = subprocess.run(command, env=os.environ | {"PHCONTROL_KERNELS": wish}, capture_output=True, text=True)
-    if wish in IMPLEMENTATIONS:
-        assert (result.returncode, result.stdout.strip()) == (0, wish)
+    result = subprocess.run(command, env=os.environ | {"PHCONTROL_KERNELS": choice}, capture_output=True, text=True)
+    if choice in IMPLEMENTATIONS:
+        assert (result.returncode, result.stdout.strip()) == (0, choice)
     else:
         assert result.returncode != 0
         assert "PHCONTROL_KERNELS" in result.stderr

@@ -343,7 +343,7 @@ def test_a_wrong_initial_state_is_a_fault(shoulder, state):
 @pytest.mark.parametrize("error", ERRORS[:4], ids=lambda error: type(error).__name__)
 @pytest.mark.parametrize("place", ["filter", "port", "model", "both"])
 def test_any_exception_of_filter_port_or_model_ends_in_the_stop_ramp(error, place):
-    """Where the filter or the model goes on failing, the weight of the last good state is carried without them."""
+    """Where the filter or the model goes on failing, the weight of the last good state is compensated without them."""
     system = MechanicalSystem(load_robot("pera_shoulder"))
     loop, law = running(system)
     q = system.robot.home
@@ -412,7 +412,7 @@ def test_a_first_reading_that_is_old_or_beyond_all_limits_starts_nothing(pera):
             assert loop.mode == LoopMode.WAITING
 
 
-def test_holding_carries_the_weight_of_the_loops_own_system():
+def test_holding_compensates_the_weight_of_the_loops_own_system():
     """The law may compute with another model."""
     robot = load_robot("pera_shoulder")
     system, weightless = MechanicalSystem(robot), MechanicalSystem(robot, gravity=[0.0, 0.0, 0.0])

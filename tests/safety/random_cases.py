@@ -57,11 +57,11 @@ class Tally:
     """Largest excess over the (widened) velocity bounds in an answer of the solver [rad/s]."""
     storage_error: float = 0.0
     """Largest storage excess of a torque that claims to meet the condition, relative to 1 W + the power at hand."""
-    given_up_wrongly: int = 0
-    """Storage condition given up though it could be met by more than 1e-6 of the power at hand."""
+    relaxed_wrongly: int = 0
+    """Storage condition relaxed though it could be met by more than 1e-6 of the power at hand."""
     fallbacks_with_room: int = 0
     """Fallbacks whose storage condition could have been met."""
-    told_wrongly: float = 0.0
+    reported_wrongly: float = 0.0
     """Largest error of the reported storage excess, relative to the power at hand."""
     gap: float = 0.0
     """Largest storage excess beyond the smallest possible one, relative to the power at hand."""
@@ -75,7 +75,7 @@ class Case:
     drift: np.ndarray
     box: tuple[np.ndarray, np.ndarray]
     bounds: tuple[np.ndarray, np.ndarray]
-    wish: np.ndarray
+    desired: np.ndarray
     kick: np.ndarray
     """v⁺ − q̇ without motors [rad/s]."""
     input_matrix: np.ndarray
@@ -84,17 +84,17 @@ class Case:
 
     def mean_power(self, u: np.ndarray) -> float:
         """Return the mean of (G(u − u★))ᵀv̂ − resistanceᵀ(v̂ − v̂₀) − losses over the period, v̂ moving with q̇ [W]."""
-        change, way = u - self.wish, self.kick + self.effect @ u
+        change, way = u - self.desired, self.kick + self.effect @ u
         middle = self.port.output + 0.5 * self.input_matrix.T @ way
         return float(middle @ change - 0.5 * way @ self.port.resistance - self.port.dissipated_power)
 
     @property
     def most(self) -> float:
         """Return the mean power that is allowed [W]."""
-        return max(0.0, self.mean_power(self.wish))
+        return max(0.0, self.mean_power(self.desired))
 
 
-def reference_case(system, limits, period, q, v, wish, previous, force, port) -> Case:
+def reference_case(system, limits, period, q, v, desired, previous, force, port) -> Case:
     """Return the problem in unscaled torques, by Pinocchio and the formulas written differently."""
     model, data = system.model, system.data
     M = pin.crba(model, data, q)
@@ -125,7 +125,7 @@ def reference_case(system, limits, period, q, v, wish, previous, force, port) ->
     if ((reached > highest + 1e-4 * sizes) | (reached < lowest - 1e-4 * sizes)).any():
         reached = least_excess(effect, drift, (low, high), (lowest, highest), sizes, braking)
     widened = np.minimum(lowest, reached - 1e-4 * sizes), np.maximum(highest, reached + 1e-4 * sizes)
-    return Case(effect, drift, (low, high), widened, wish, drift - v, G, port, limits.effort)
+    return Case(effect, drift, (low, high), widened, desired, drift - v, G, port, limits.effort)
 
 
 def reference_friction(system, period, M, v, lowest, highest):
@@ -222,14 +222,14 @@ def least_excess(effect, drift, box, bounds, sizes, braking) -> np.ndarray:
 
 def nearest(case: Case, weight: float, *, distance: float = 1.0) -> np.ndarray | None:
     """Return DAQP's minimum of distance·½|u − u★|²_W + weight·P(u)/size inside the linear limits, or None."""
-    n = case.wish.size
+    n = case.desired.size
     centre, reach = (case.box[0] + case.box[1]) / 2, (case.box[1] - case.box[0]) / 2  # DAQP wants numbers of order one
     weights = (reach / case.scale) ** 2
     weights = weights / weights.mean()
     bend = case.input_matrix.T @ case.effect
     slope = np.array([case.mean_power(centre + reach * e) - case.mean_power(centre - reach * e) for e in np.eye(n)]) / 2
     hessian = distance * np.diag(weights) + weight / size_of(case) * reach[:, None] * 0.5 * (bend + bend.T) * reach
-    gradient = -distance * weights * (case.wish - centre) / reach + weight / size_of(case) * slope
+    gradient = -distance * weights * (case.desired - centre) / reach + weight / size_of(case) * slope
     drift = case.drift + case.effect @ centre
     rows, low, high = case.effect * reach, case.bounds[0] - drift, case.bounds[1] - drift
     size, unit = np.linalg.norm(rows, axis=1), max(1.0, float(np.linalg.norm(gradient)))
@@ -249,7 +249,7 @@ def nearest(case: Case, weight: float, *, distance: float = 1.0) -> np.ndarray |
 def size_of(case: Case) -> float:
     """Return the scale of P near the clipped torque, as the filter's docstring has it [W]."""
     reach = (case.box[1] - case.box[0]) / 2
-    clipped = np.clip(case.wish, *case.box)
+    clipped = np.clip(case.desired, *case.box)
     steps = 1e-3 * reach
     slope = [(case.mean_power(clipped + s) - case.mean_power(clipped - s)) / 2e-3 for s in np.diag(steps)]
     return float(np.abs(slope).sum() + (reach**2 * (case.input_matrix.T @ case.effect).diagonal()).sum())
@@ -320,16 +320,16 @@ def try_case(system, filter_: TorqueFilter, rng, tally: Tally) -> None:
     q = rng.uniform(limits.lower - 0.02 * width, limits.upper + 0.02 * width)
     v = limits.velocity * rng.uniform(-1.1, 1.1, n) * rng.choice([0.1, 1.0])
     x = system.at(q, v)
-    wish = limits.effort * rng.normal(size=n) * rng.choice([0.1, 0.5, 1.0, 5.0])
+    desired = limits.effort * rng.normal(size=n) * rng.choice([0.1, 0.5, 1.0, 5.0])
     if rng.random() < 0.3:
-        wish = wish + x.potential_gradient
+        desired = desired + x.potential_gradient
     previous = None if rng.random() < 0.2 else rng.uniform(-1.0, 1.0, n) * limits.effort
     force = limits.effort * rng.normal(size=n) * rng.choice([0.0, 0.1])
     output = v + rng.normal(size=n) * rng.choice([0.0, 0.3])
     losses = float(rng.exponential()) * float(rng.choice([0.0, 1.0, 30.0]))
     port = PassivePort(output, losses, rng.choice([0.0, 0.3]) * limits.effort * rng.normal(size=n))
-    found = filter_.filter(x, wish, previous=previous, external_force=force, port=port)
-    case = reference_case(system, limits, period, q, v, wish, previous, force, port)
+    found = filter_.filter(x, desired, previous=previous, external_force=force, port=port)
+    case = reference_case(system, limits, period, q, v, desired, previous, force, port)
     u = found.torque
     assert np.isfinite(u).all()
     tally.statuses[found.status.name] += 1
@@ -342,20 +342,20 @@ def try_case(system, filter_: TorqueFilter, rng, tally: Tally) -> None:
     motion = max((next_velocity - case.bounds[1]).max(), (case.bounds[0] - next_velocity).max())
     at_hand = 1.0 + size_of(case)
     excess = (case.mean_power(u) - case.most) / at_hand
-    told = (found.storage_excess - max(0.0, case.mean_power(u) - case.most)) / at_hand
-    tally.told_wrongly = max(tally.told_wrongly, abs(told))
+    reported = (found.storage_excess - max(0.0, case.mean_power(u) - case.most)) / at_hand
+    tally.reported_wrongly = max(tally.reported_wrongly, abs(reported))
     if found.status == FilterStatus.FALLBACK:
         tally.fallbacks_with_room += smallest_supply(case) <= case.most
         return
     tally.motion_error = max(tally.motion_error, motion)
-    if found.status != FilterStatus.STORAGE_GIVEN_UP:
+    if found.status != FilterStatus.STORAGE_RELAXED:
         tally.storage_error = max(tally.storage_error, excess)
         if found.status == FilterStatus.FEASIBLE:
             return
         answer = exact(case)
     else:
         least = smallest_supply(case)
-        tally.given_up_wrongly += least - case.most < -1e-6 * at_hand
+        tally.relaxed_wrongly += least - case.most < -1e-6 * at_hand
         tally.gap = max(tally.gap, excess - max(0.0, (least - case.most) / at_hand))
         answer = nearest(case, 1e6)
     if answer is None:

@@ -27,7 +27,7 @@ def test_the_filter_keeps_every_law_inside_the_limits(law, arm, wall, torque_rat
     assert found.torque <= 1e-9
     assert found.position == 0.0
     assert found.velocity <= ((BUMP if torque_rate is None else THROW) if wall else 1e-2)
-    assert found.untold <= GROWTH
+    assert found.unreported <= GROWTH
     if not law.startswith("tracking"):  # whose own trajectory may keep the limits
         assert (log.filter_activity["status"] > FilterStatus.PASSED).any()
     assert found.fallbacks <= 2

@@ -134,17 +134,17 @@ def draw(system: MechanicalSystem, filter_: TorqueFilter, rng: np.random.Generat
             q = np.clip(q, limits.lower, limits.upper)
             v = np.clip(v, *limits.velocity_bounds(q, v, period)) * rng.choice([1.0, 0.99, 0.8])
         x = system.at(q, v)
-        wish = limits.effort * rng.normal(size=n) * rng.choice([0.03, 0.3, 1.0, 5.0])
+        desired = limits.effort * rng.normal(size=n) * rng.choice([0.03, 0.3, 1.0, 5.0])
         if rng.random() < 0.3:
-            wish = wish + x.potential_gradient
+            desired = desired + x.potential_gradient
         previous = None if rng.random() < 0.2 else rng.uniform(-1.0, 1.0, n) * limits.effort
         if controlled:
             previous = x.potential_gradient + x.friction_torque
             previous = np.clip(previous + limits.torque_rate.clip(max=1e9) * period * rng.normal(size=n), *_box(limits))
         elif rng.random() < 0.5:
-            previous = np.clip(wish + limits.torque_rate.clip(max=1e9) * period * rng.normal(size=n), *_box(limits))
+            previous = np.clip(desired + limits.torque_rate.clip(max=1e9) * period * rng.normal(size=n), *_box(limits))
         force = limits.effort * rng.normal(size=n) * rng.choice([0.0, 0.1])
-        found = filter_.filter(x, wish, previous=previous, external_force=force)
+        found = filter_.filter(x, desired, previous=previous, external_force=force)
         tally.statuses[found.status.name] += 1
         tally.excessive += found.motion_excess > 1e-9
         tally.largest_excess = max(tally.largest_excess, found.motion_excess)

@@ -45,7 +45,9 @@ def run_once(name):
     return run_study(name)
 
 
-@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in STUDIES])
+@pytest.fixture(
+    params=[pytest.param(name, marks=[pytest.mark.xdist_group(name), pytest.mark.study]) for name in STUDIES]
+)
 def outcome(request):
     return run_once(request.param)
 
@@ -65,6 +67,7 @@ def test_everything_is_written(outcome, tmp_path):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
 
 
+@pytest.mark.study
 def test_model_errors_of_the_tracking_study():
     """Theory: friction 20 % wrong 6.3 mrad, none 33, viscous left out F_v A ω/K_t, 3 N·m unmeasured 3/K_t."""
     peaks = error_table(SHARP)

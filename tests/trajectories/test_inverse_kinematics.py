@@ -48,13 +48,13 @@ def forward(robot, frame, q):
 def test_reachable_poses_and_points_are_reached_inside_the_limits(arm):
     robot, frame, rng = load_robot(arm), FRAMES[arm], np.random.default_rng(7)
     for _ in range(4):
-        wished = forward(robot, frame, robot.random_position(rng, margin=0.02))
-        pose, point = reach(robot, frame, wished), reach(robot, frame, wished.translation)
+        desired = forward(robot, frame, robot.random_position(rng, margin=0.02))
+        pose, point = reach(robot, frame, desired), reach(robot, frame, desired.translation)
         for posture in (pose, point):
             assert (posture.position >= robot.lower).all()
             assert (posture.position <= robot.upper).all()
-            assert np.abs(forward(robot, frame, posture.position).translation - wished.translation).max() <= 1e-6
-        turned = wished.rotation.T @ forward(robot, frame, pose.position).rotation
+            assert np.abs(forward(robot, frame, posture.position).translation - desired.translation).max() <= 1e-6
+        turned = desired.rotation.T @ forward(robot, frame, pose.position).rotation
         assert np.arccos(min(1.0, 0.5 * (np.trace(turned) - 1.0))) <= 2e-6
         assert point.angle == 0.0
 

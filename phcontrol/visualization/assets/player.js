@@ -151,9 +151,9 @@
   }
 
   function scaleOf(unit) {  // metres a newton, one, two or five times a power of ten
-    const wished = 0.5 * run.radius / (strongest[unit] || 1);
-    const power = Math.pow(10, Math.floor(Math.log10(wished)));
-    return power * (wished >= 5 * power ? 5 : wished >= 2 * power ? 2 : 1);
+    const desired = 0.5 * run.radius / (strongest[unit] || 1);
+    const power = Math.pow(10, Math.floor(Math.log10(desired)));
+    return power * (desired >= 5 * power ? 5 : desired >= 2 * power ? 2 : 1);
   }
 
   const up = new THREE.Vector3(0, 1, 0), along = new THREE.Vector3();
