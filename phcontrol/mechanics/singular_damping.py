@@ -8,8 +8,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from phcontrol._validation import Array, number, positive
+from phcontrol.mechanics import kernels
 
-_dpotrf, _dpotri, _dsyev = lapack.dpotrf, lapack.dpotri, lapack.dsyev
+_dsyev = lapack.dsyev
 
 
 class SingularDamping:
@@ -32,7 +33,7 @@ class SingularDamping:
         values, vectors = np.linalg.eigh(symmetric)
         self._root: Array = (vectors / np.sqrt(values)) @ vectors.T  # W^(−½)
         self._near = 0.25 * self.region**2 * float(values.max())
-        self._lower_weight = 2.0 * np.tril(symmetric, -1) + np.diag(np.diag(symmetric))
+        self._half: Array = (vectors * np.sqrt(values)) @ vectors.T  # W^½
 
     def at(self, square: Array) -> tuple[float, Array] | None:
         """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
@@ -62,8 +63,8 @@ class SingularDamping:
             (a, b, c), (_, d, e), (_, _, f) = square.tolist()
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
             return bool(determinant > self._near * (a + d + f) ** 2)
-        factor, info = _dpotrf(square.T, 1, 1)
-        if info:
+        try:
+            columns = kernels.solve(kernels.factor(square), self._half)
+        except ArithmeticError:
             return False
-        inverse = _dpotri(factor, 1)[0]  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
-        return float(np.vdot(self._lower_weight, inverse)) * self.region**2 < 1.0
+        return float(np.vdot(columns, columns)) * self.region**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
