@@ -8,7 +8,11 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-SOURCES = (Path("phcontrol", "mechanics", "_compiled.c"), Path("phcontrol", "safety", "_compiled.c"))
+SOURCES = (
+    Path("phcontrol", "_lazy_compiled.c"),
+    Path("phcontrol", "mechanics", "_compiled.c"),
+    Path("phcontrol", "safety", "_compiled.c"),
+)
 
 
 class KernelsHook(BuildHookInterface):

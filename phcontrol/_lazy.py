@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar, overload
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 Value = TypeVar("Value")
 
@@ -28,3 +29,8 @@ class lazy(Generic[Value]):  # noqa: N801 - reads as a decorator
             return self
         value = instance.__dict__[self.name] = self.compute(instance)
         return value
+
+
+if not TYPE_CHECKING:
+    with suppress(ImportError):  # the same in C, where it was built: it is on the way of every control step
+        from phcontrol._lazy_compiled import lazy

@@ -11,34 +11,26 @@ from phcontrol.potentials.potential import Goal, Potential
 
 
 class Aim:
-    """The error state of an arm that is led: every law runs on it as it would on the arm about a goal at rest.
-
-    With v_e = q̇ − q̇_ref, p̄_e = Tᵀv_e, and Ψ the energy of the position errors (theory section 11), a torque
-    u = u_law + G⁻¹(M q̈_ref + C q̇_ref + D q̇_ref) leaves the law's own closed loop in these.
+    """The error state of an arm, on which every law runs: here about a goal at rest, where it is the state itself.
 
     Args:
         x: the state of the arm.
         potential: Ψ.
-        goal: where Ψ is smallest, in place of its own goal; None for that.
-        reference_velocity: q̇_ref, shape (n,) [rad/s]; None for a goal at rest.
-        reference_acceleration: q̈_ref, likewise [rad/s²].
-        missed: what q̇_ref lacks of the goal's twist near a singularity (``ResolvedMotion``); None for nothing.
     """
 
-    def __init__(
-        self,
-        x: MechanicalState,
-        potential: Potential,
-        goal: Goal | None = None,
-        reference_velocity: Array | None = None,
-        reference_acceleration: Array | None = None,
-        missed: Array | None = None,
-    ) -> None:
-        self.missed = missed
-        self.x, self.potential, self.goal = x, potential, goal
-        self.reference_velocity, self.reference_acceleration = reference_velocity, reference_acceleration
-        self.velocity: Array = x.velocity if reference_velocity is None else x.velocity - reference_velocity
-        """v_e, shape (n,) [rad/s]."""
+    goal: Goal | None = None
+    """Where Ψ is smallest, in place of its own goal."""
+    reference_velocity: Array | None = None
+    """q̇_ref, shape (n,) [rad/s]; None for a goal at rest."""
+    reference_acceleration: Array | None = None
+    """q̈_ref, likewise [rad/s²]."""
+    missed: Array | None = None
+    """What q̇_ref lacks of the goal's twist near a singularity (``ResolvedMotion``); None for nothing."""
+
+    def __init__(self, x: MechanicalState, potential: Potential) -> None:
+        self.x, self.potential = x, potential
+        self.velocity = x.velocity
+        """v_e = q̇ − q̇_ref, shape (n,) [rad/s]."""
 
     @lazy
     def momentum(self) -> Array:
@@ -97,3 +89,32 @@ class Aim:
         if s is None or s_rate is None:
             return -self.reference_velocity, -self.reference_acceleration
         return s - self.reference_velocity, s_rate - self.reference_acceleration
+
+
+class LedAim(Aim):
+    """The error state of an arm that is led along a reference (theory section 11).
+
+    With v_e = q̇ − q̇_ref, p̄_e = Tᵀv_e, and Ψ the energy of the position errors, a torque
+    u = u_law + G⁻¹(M q̈_ref + C q̇_ref + D q̇_ref) leaves the law's own closed loop in these.
+
+    Args:
+        x: the state of the arm.
+        potential: Ψ.
+        goal: where Ψ is smallest now.
+        velocity: q̇_ref, shape (n,) [rad/s].
+        acceleration: q̈_ref, likewise [rad/s²].
+        missed: what q̇_ref lacks of the goal's twist near a singularity; None for nothing.
+    """
+
+    def __init__(
+        self,
+        x: MechanicalState,
+        potential: Potential,
+        goal: Goal,
+        velocity: Array,
+        acceleration: Array,
+        missed: Array | None = None,
+    ) -> None:
+        self.x, self.potential, self.goal, self.missed = x, potential, goal, missed
+        self.reference_velocity, self.reference_acceleration = velocity, acceleration
+        self.velocity = x.velocity - velocity

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -20,6 +19,7 @@ from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -27,6 +27,7 @@ from phcontrol.vision.scene import Eyes, Scene
 
 Law = TypeVar("Law", bound="Controller")
 
+_finite_copy = kernels.finite_copy
 _STEP = 1e-3  # of the arm's motion [rad], over which θ is differentiated where a law does not state its rate
 
 
@@ -276,23 +277,20 @@ class Controller(Declared, ABC):
         instead of ever returning a torque that is not finite.
         """
         law = self.shape(t, x, state, measured)
-        force = (x.potential_gradient if law.leading_force is None else law.leading_force) + law.effort
+        force = law.effort if law.complete else x.potential_gradient + law.effort
         if law.velocity is not None:
             force -= self._motion(x, law)
         if law.offset_rate is not None:
             force -= x.factor.dot(law.offset_rate)
         if law.cancelled_force is not None:
             force -= law.cancelled_force
-        return self._command(t, x, state, force, law.state_rate)
-
-    def _command(self, t: float, x: MechanicalState, state: Array, force: Array, state_rate: Array) -> Command:
-        """Return the command whose torque u makes G u the given force [N·m]; it is finite, or not returned."""
-        torque = self.system.motor_torque(force)
-        if not math.isfinite(torque.dot(torque)) and not np.isfinite(torque).all():
+        torque = _finite_copy(self.system.motor_torque(force), self.system.n)
+        if torque is None:
             raise NonFiniteTorqueError(
-                self.name, t, torque=torque, position=x.position, velocity=x.velocity, controller_state=state
-            )
-        return Command(torque, state_rate)
+                self.name, t, torque=self.system.motor_torque(force), position=x.position, velocity=x.velocity,
+                controller_state=state,
+            )  # fmt: skip
+        return Command(torque, law.state_rate)
 
     def _motion(self, x: MechanicalState, law: Shaping) -> Array:
         """Return M ṡ + C s + D s, with C s as the chosen J̄₂ has it [N·m]."""

@@ -8,8 +8,12 @@ from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.position_law import PositionLaw
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.sensors.measured import NOTHING, Measured
+
+_feedback = kernels.feedback
 
 
 class EnergyShaping(PositionLaw):
@@ -43,10 +47,10 @@ class EnergyShaping(PositionLaw):
         super().prepare()
         G = self.system.input_matrix
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
-
-    def cancelled(self, measured: Measured) -> Array | None:
-        """Return the part of f_e that the law cancels [N·m]; None for nothing."""
-        return None
+        self._negative_damping = -self._joint_damping
+        self._cancels = "external_force" in self.needs
+        self._tracks = self.interconnection == "coriolis" and self._trajectory is not None
+        self._spring = self.potential if isinstance(self.potential, JointSpring) else None
 
     def structure(self, t: float, x: MechanicalState) -> Array:
         """Return J̄₂."""
@@ -64,18 +68,28 @@ class EnergyShaping(PositionLaw):
             {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
             lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): self.structure(t, x)},
             lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed_injection(self.damping)},
-            lambda: {} if "external_force" in self.needs else {MOMENTUM: x.inverse_factor},
+            lambda: {} if self._cancels else {MOMENTUM: x.inverse_factor},
             self.drive(t, x, measured),
         )
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e; in the coriolis form neither M nor C is formed."""
-        aim, known = self.aim(t, x), self.cancelled(measured)
-        effort = -(aim.gradient + self._joint_damping.dot(aim.velocity))
-        if aim.reference_velocity is not None and self.interconnection == "coriolis":
-            leading = x.feedforward(aim.reference_velocity, aim.reference_acceleration)  # type: ignore[arg-type]  # both or none
-            return Shaping(effort, cancelled_force=known, leading_force=leading)
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e."""
+        known = self._measurement(measured, "external_force") if self._cancels else None
+        if self._tracks and self._spring is not None:
+            return Shaping(self._tracking_force(t, x, self._spring), cancelled_force=known, complete=True)
+        aim = self.aim(t, x)
+        effort = self._negative_damping.dot(aim.velocity)
+        effort -= aim.gradient
+        if self.reference is None:
+            return Shaping(effort, cancelled_force=known)
         return Shaping(effort, *aim.shift(), cancelled_force=known)
+
+    def _tracking_force(self, t: float, x: MechanicalState, spring: JointSpring) -> Array:
+        """Return the whole force along a trajectory in the coriolis form, without forming M or C [N·m]."""
+        assert self._trajectory is not None
+        position, velocity, acceleration = self._trajectory.at(t)
+        leading, error = x.feedforward(velocity, acceleration), x.position_error(position)
+        return _feedback(leading, spring.stiffness, error, self._joint_damping, x.velocity, velocity)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return Gᵀv_e, v_eᵀ(D + G C Gᵀ)v_e, and (D + G C Gᵀ)v_e."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.aim import Aim, LedAim
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.position_law import PositionLaw
@@ -80,7 +80,10 @@ class RegulatedLaw(PositionLaw):
         if self._spring is None or self.regulation is None:
             return aim
         goal: Any = self._spring.goal if aim.goal is None else aim.goal
-        return Aim(x, self._spring, goal + moved, aim.reference_velocity, aim.reference_acceleration)
+        velocity, acceleration = aim.reference_velocity, aim.reference_acceleration
+        if velocity is None or acceleration is None:
+            velocity = acceleration = np.zeros(self.system.n)
+        return LedAim(x, self._spring, goal + moved, velocity, acceleration)
 
     def drive(self, t: float, x: MechanicalState, measured: Measured) -> DrivenParts | None:
         """Return how the moving q_f enters the parts of the target, and q̇_f."""

@@ -10,7 +10,7 @@ import numpy as np
 from phcontrol._differences import central_difference
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
-from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.aim import Aim, LedAim
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.target import DrivenParts
@@ -101,10 +101,10 @@ class ShapedLaw(Controller):
             pose = self._path.at(t)
             motion = resolved_motion(x, self._path.frame, pose)
             missed = motion.missed if motion.missed.any() else None
-            return Aim(x, shaped, _pose(pose), motion.velocity, motion.acceleration, missed)
+            return LedAim(x, shaped, _pose(pose), motion.velocity, motion.acceleration, missed)
         assert self._trajectory is not None
         desired = self._trajectory.at(t)
-        return Aim(x, shaped, desired.position, desired.velocity, desired.acceleration)
+        return LedAim(x, shaped, desired.position, desired.velocity, desired.acceleration)
 
     def drive(self, t: float, x: MechanicalState, measured: Measured) -> DrivenParts | None:
         """Return how what drives the law enters the parts of its target, and that signal; None for nothing.

@@ -29,7 +29,7 @@ class Shaping(NamedTuple):
     """ϑ̇, shape (n,); None for zero."""
     cancelled_force: Array | None = None
     """The measured part of f_e that the law cancels, shape (n,) [N·m]; None for nothing."""
-    leading_force: Array | None = None
-    """∂V/∂q − M ṡ − C s − D s where it is known without ``velocity``, shape (n,) [N·m]; None otherwise."""
+    complete: bool = False
+    """Whether ``effort`` holds ∂V/∂q − M ṡ − C s − D s too; then s and ṡ are left out."""
     state_rate: Array = EMPTY
     """Rate of the controller's own state."""

@@ -103,18 +103,15 @@ class TrajectoryTracking(EnergyShaping):
             t, x = self._middle_of_hold(t, x)
         return super().evaluate(t, x, state, measured)
 
-    def cancelled(self, measured: Measured) -> Array | None:
-        """Return the measured f_e, when it is cancelled."""
-        return self._measurement(measured, "external_force") if self.measured else None
-
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State what energy shaping does; "transformed" states −Gβ instead."""
         if not self._transformed:
             return super().shape(t, x, state, measured)
+        known = self._measurement(measured, "external_force") if self.measured else None
         aim, desired = self.aim(t, x), self.trajectory.at(t)
         shift = self.transformation.input_force(x, desired) + x.potential_gradient  # the base adds ∂V/∂q again
         injected = x.injected_damping(self.damping, aim.velocity)
-        return Shaping(-(shift + injected), cancelled_force=self.cancelled(measured))
+        return Shaping(-(shift + injected), cancelled_force=known)
 
     def structure(self, t: float, x: MechanicalState) -> Array:
         """Return J̄₂."""

@@ -242,6 +242,32 @@ static PyObject *feedback(PyObject *module, PyObject *const *arguments, Py_ssize
   return result;
 }
 
+PyDoc_STRVAR(finite_copy_doc,
+             "finite_copy(value, size)\n--\n\n"
+             "Return a copy of a plain float64 vector of finite numbers, None for anything else.");
+static PyObject *finite_copy(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  if (given != 2) {
+    PyErr_Format(PyExc_TypeError, "takes 2 arguments, but %zd were given", given);
+    return NULL;
+  }
+  npy_intp n = PyLong_AsSsize_t(arguments[1]);
+  if (n == -1 && PyErr_Occurred()) return NULL;
+  PyArrayObject *array = (PyArrayObject *)arguments[0];
+  if (!PyArray_CheckExact(arguments[0]) || PyArray_NDIM(array) != 1 || PyArray_TYPE(array) != NPY_DOUBLE ||
+      PyArray_DIM(array, 0) != n || !PyArray_ISBEHAVED_RO(array))
+    Py_RETURN_NONE;
+  double *out;
+  PyObject *result = new_vector(n, &out);
+  if (result == NULL) return NULL;
+  read_vector(arguments[0], n, out);
+  for (npy_intp i = 0; i < n; i++)
+    if (!isfinite(out[i])) {
+      Py_DECREF(result);
+      Py_RETURN_NONE;
+    }
+  return result;
+}
+
 #define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
 static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(solve),
@@ -250,6 +276,7 @@ static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(transformed_rate),
                                 METHOD(momentum_derivative),
                                 METHOD(feedback),
+                                METHOD(finite_copy),
                                 {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",

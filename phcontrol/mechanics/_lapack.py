@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lapack
@@ -69,3 +70,13 @@ def feedback(force: Array, stiffness: Array, error: Array, damping: Array, veloc
     result: Array = force - stiffness.dot(error)
     result -= damping.dot(velocity - desired)
     return result
+
+
+def finite_copy(value: Any, size: int) -> Array | None:
+    """Return a copy of a plain float64 vector of finite numbers, None for anything else."""
+    if type(value) is not np.ndarray or value.shape != (size,) or value.dtype != np.float64:
+        return None
+    if not (value.dtype.isnative and value.flags.aligned and np.isfinite(value).all()):
+        return None
+    copy: Array = value.copy()
+    return copy

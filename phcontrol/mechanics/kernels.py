@@ -10,6 +10,7 @@ diagonal halved:
     transformed_rate(T, C, s, f)         Ṫᵀs + T⁻¹(f − C s)
     momentum_derivative(T, ∂M/∂q, p̄)     P = ∂(T⁻¹p)/∂q: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄
     feedback(f, K, e, C, v, s)           f − K e − C(v − s)
+    finite_copy(v, n)                    a copy of a plain float64 (n,) array of finite numbers; None for anything else
 
 Arrays are float64, (n,), (n, n) or (n, n, n) with any strides; ValueError otherwise. The environment variable
 ``PHCONTROL_KERNELS=lapack`` chooses LAPACK, ``PHCONTROL_KERNELS=compiled`` insists on the compiled one.
@@ -24,6 +25,7 @@ __all__ = [
     "KERNELS",
     "factor",
     "feedback",
+    "finite_copy",
     "momentum_derivative",
     "relative_factor_rate",
     "solve",
@@ -50,6 +52,7 @@ KERNELS = _chosen.__name__.rpartition("._")[-1]
 
 factor = _chosen.factor
 feedback = _chosen.feedback
+finite_copy = _chosen.finite_copy
 momentum_derivative = _chosen.momentum_derivative
 relative_factor_rate = _chosen.relative_factor_rate
 solve = _chosen.solve

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -14,13 +13,14 @@ from scipy.linalg import lapack
 
 from phcontrol._validation import Array, matrix, sequence, vector
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.coupled_state import CoupledMechanicalState
 from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 
-_FLOAT = np.dtype(np.float64)
+_finite_copy = kernels.finite_copy
 
 
 def check_system(system: object) -> None:
@@ -101,19 +101,11 @@ class MechanicalSystem:
 
         Raises InvalidArgumentError when one has a wrong length or is not finite.
         """
-        if velocity is None:
-            velocity = np.zeros(self.n)
-        if (
-            type(position) is np.ndarray
-            and type(velocity) is np.ndarray
-            and position.dtype is _FLOAT
-            and velocity.dtype is _FLOAT
-            and position.shape == self._shape
-            and velocity.shape == self._shape
-            # NaN or infinity in either makes the sum so; finite numbers beyond 1e154 are sorted out below
-            and math.isfinite(position.dot(position) + velocity.dot(velocity))
-        ):
-            return self.state_type(self, position.copy(), velocity.copy())
+        q = _finite_copy(position, self.n)
+        v = np.zeros(self.n) if velocity is None else _finite_copy(velocity, self.n)
+        if q is not None and v is not None:
+            return self.state_type(self, q, v)
+        velocity = np.zeros(self.n) if velocity is None else velocity
         return self.state_type(self, vector("position", position, self.n), vector("velocity", velocity, self.n))
 
     def motor_torque(self, force: Array) -> Array:

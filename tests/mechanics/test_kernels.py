@@ -157,3 +157,39 @@ def test_the_environment_chooses_the_kernels(choice):
     else:
         assert result.returncode != 0
         assert "PHCONTROL_KERNELS" in result.stderr
+
+
+@every_implementation
+@pytest.mark.parametrize("make", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_plain_finite_vector_is_copied(kernels, make):
+    value = make(np.array([1.0, -0.0, 1e300]))
+    copy = kernels.finite_copy(value, 3)
+    np.testing.assert_array_equal(copy, value)
+    assert not np.shares_memory(copy, value)
+    assert copy.flags.writeable
+    assert copy.dtype == np.float64
+
+
+@every_implementation
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1.0, 2.0, 3.0],
+        np.ones(2),
+        np.ones((3, 1)),
+        np.ones(3, dtype=np.float32),
+        np.ones(3, dtype=int),
+        np.ones(3, dtype=">f8"),
+        np.ones(3, dtype=complex),
+        np.array([1.0, np.nan, 2.0]),
+        np.array([1.0, np.inf, 2.0]),
+        np.array([-np.inf, np.inf, 2.0]),
+        np.ma.masked_array(np.ones(3)),
+        np.frombuffer(b"\0" * 25, dtype=np.uint8)[1:25].view(np.float64),
+        None,
+        "abc",
+    ],
+    ids=repr,
+)
+def test_anything_else_is_not_copied(kernels, value):
+    assert kernels.finite_copy(value, 3) is None
