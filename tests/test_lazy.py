@@ -6,6 +6,7 @@ import gc
 import subprocess
 import sys
 import weakref
+from pathlib import Path
 
 import pytest
 
@@ -22,7 +23,7 @@ print(lazy.__module__)
 def implementations():
     found = {"chosen": _lazy.lazy}
     source = {}
-    text = open(_lazy.__file__, encoding="utf-8").read().split("if not TYPE_CHECKING")[0]  # noqa: SIM115
+    text = Path(_lazy.__file__).read_text(encoding="utf-8").split("if not TYPE_CHECKING")[0]
     exec(compile(text, "lazy", "exec"), source)
     return found | {"python": source["lazy"]}
 
