@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -81,7 +82,7 @@ def _along(
     continuous = plant.robot.continuous
     first = np.where(continuous, goal + 0.99 * wrapped(start.position - goal), start.position)
     last = np.where(continuous, goal + 0.99 * wrapped(end.position - goal), end.position)
-    same_phase = law.active(start.time) is law.active(end.time)
+    same_phase = bisect_right(law.phases, start.time) == bisect_right(law.phases, end.time)
     later = end.time if same_phase and law.time_span else start.time
     seen = Seen.of(law, plant, start._replace(position=first))
 
