@@ -112,9 +112,13 @@ class StateSampler:
         return self._law.random_scene(self._law.system.at(position), self._generator, spread)
 
     def _thin_state(self, k: int, count: int, u: Array) -> SampledState:
-        """Return one of a number of states on thin sets, about the rest posture of some time."""
+        """Return one of a number of states on thin sets, about the rest posture of some time.
+
+        For a law that does not change it is time 0, that of the rest point: so they differ from it in one argument
+        alone, and what a law remembers under the others shows.
+        """
         n = self._plant.n
-        time = self._clear_of_switches(self._time(u[0], u[6]))
+        time = self._clear_of_switches(self._time(u[0], u[6])) if self._changes else 0.0
         goal = np.array(self._law.rest_posture(time)) if self._changes else self._rest[0]
         scene = self._law.rest_scene(self._law.system.at(goal))
         velocity = reference_velocity(self._law, time)

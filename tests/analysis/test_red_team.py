@@ -403,6 +403,14 @@ class ReadsTheWorkspace(EnergyShaping):
         return command._replace(torque=command.torque + left_over)
 
 
+class CachedByPosition(EnergyShaping):
+    """Its torque is remembered under time and position: it forgets that the velocity has changed."""
+
+    def evaluate(self, t, x, state, measured=NOTHING):
+        cache, key = self.__dict__.setdefault("cache", {}), (t, x.position.tobytes())
+        return cache.setdefault(key, super().evaluate(t, x, state, measured))
+
+
 CASES = {
     SwitchedGains: "jump of H_d between states",
     ScheduledByDistance: "jump of H_d between states",
@@ -433,6 +441,7 @@ CASES = {
     UnsteadyRest: "command that is not repeated",
     UnsteadyStorage: "command that is not repeated",
     ReadsTheWorkspace: "command that is not repeated",
+    CachedByPosition: "matching residual",
 }
 
 
