@@ -226,7 +226,7 @@ class _Examination:
         yield Check.more_than("states with the drive that is declared", declared, 0.0)
         dependent = change_of_drive(self._law, self._plant, states)
         yield Check.at_most("drive that depends on the state", dependent.value, PURITY_TOLERANCE, dependent.where)
-        self._brought = max(abs(each.drive_power) for each in figures[: self._samples])
+        self._brought = max(0.0, *(each.drive_power for each in figures[: self._samples]))
 
     def _contract(self, states: list[SampledState]) -> Iterator[Check]:
         law, plant = self._law, self._plant
