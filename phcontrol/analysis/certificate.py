@@ -79,7 +79,7 @@ class Certificate:
     caveat: str = ""
     """What the law itself does not claim."""
     drive_power: float | None = None
-    """The most that what drives the loop brings in or takes out at the sampled states [W]; None without a drive."""
+    """The most that what drives the loop brings into H_d at the sampled states [W]; None without a drive."""
     jump_at_switches: float | None = None
     """Largest change of H_d where another law takes over, at some of the sampled states [J]; None without a switch."""
     error: str = ""
@@ -186,6 +186,8 @@ class Certificate:
             "stability": self.stability,
             "slowest_time_constant": _finite_or_none(self.slowest),
             "driven_by": self.driven_by,
+            "drive_power": self.drive_power,
+            "jump_at_switches": self.jump_at_switches,
             "caveat": self.caveat,
             "error": self.error,
             "conditions": {name: _finite_or_none(value) for name, value in self.conditions.items()},

@@ -194,10 +194,9 @@ class _Examination:
         yield Check.at_most("target's coordinates are others", labels.value, PURITY_TOLERANCE, labels.where)
         if not law.lacks_minimum:
             # on p̂ = 0 nothing may be lost for an instant
-            losing = [
-                math.inf if at.stratum == SLIDING else at_.idleness for at, at_ in zip(looked_at, figures, strict=True)
-            ]
-            idle = _largest(looked_at, [-each for each in losing], -math.inf)
+            moving = [state.stratum != SLIDING for state in looked_at]
+            losses = [each.idleness if here else math.inf for each, here in zip(figures, moving, strict=True)]
+            idle = _largest(looked_at, [-each for each in losses], -math.inf)
             yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
             if not law.time_span:  # figures[0] is the rest point
                 energy = [each.stored for each in figures]
@@ -224,10 +223,11 @@ class _Examination:
             return
         moved = _largest(states, [each.moves_momentum for each in figures])
         yield Check.at_most("drive in rows of a momentum", moved.value, 0.0, moved.where)
-        yield Check.more_than("drive that is declared", drive.value, 0.0)
+        declared = sum(each.has_drive for each in figures)
+        yield Check.more_than("states with the drive that is declared", declared, 0.0)
         dependent = change_of_drive(self._law, self._plant, states)
         yield Check.at_most("drive that depends on the state", dependent.value, PURITY_TOLERANCE, dependent.where)
-        self._brought = max(abs(each.drive_power) for each in figures[: self._samples])
+        self._brought = max(0.0, *(each.drive_power for each in figures[: self._samples]))
 
     def _contract(self, states: list[SampledState]) -> Iterator[Check]:
         law, plant = self._law, self._plant

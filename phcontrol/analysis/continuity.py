@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,7 +19,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 
 _FAR, _LOOKS = 1.5, 65  # from rest, in natural units, and how often on each line
 _CHORDS = 24
-_HANDED_OVER = 64  # states at which a law hands over to the next
+_HANDED_OVER, _LEAST_HANDED_OVER = 128, 4  # states at which laws hand over to the next, all and at each switch
 _POINTS = 33  # on a chord
 _SUSPECTS = 3  # intervals that are looked at more closely
 _HALVINGS = 24
@@ -48,9 +49,10 @@ def jump_at_switches(law: Controller, plant: MechanicalSystem, states: Sequence[
     if len(law.phases) < 2:
         return None
     changes = []
-    for at in some(states, _HANDED_OVER, plant.n):
+    switches = law.phases[1:]
+    for at in some(states, max(_LEAST_HANDED_OVER, _HANDED_OVER // len(switches)), plant.n):
         here = Seen.of(law, plant, at)
-        for start in law.phases[1:]:
+        for start in switches:
             before = here.elsewhere(time=float(np.nextafter(start, 0.0)))
             changes.append(abs(here.elsewhere(time=start).stored() - before.stored()))
     return max(changes)
@@ -81,7 +83,7 @@ def _along(
     continuous = plant.robot.continuous
     first = np.where(continuous, goal + 0.99 * wrapped(start.position - goal), start.position)
     last = np.where(continuous, goal + 0.99 * wrapped(end.position - goal), end.position)
-    same_phase = law.active(start.time) is law.active(end.time)
+    same_phase = bisect_right(law.phases, start.time) == bisect_right(law.phases, end.time)
     later = end.time if same_phase and law.time_span else start.time
     seen = Seen.of(law, plant, start._replace(position=first))
 

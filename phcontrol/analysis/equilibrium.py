@@ -11,12 +11,14 @@ from scipy.optimize import root
 
 from phcontrol._validation import Array, vector
 from phcontrol.analysis.certify import require_certificate
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import Measured, measure_truly
+from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.log import Log
 
 TOLERANCE = 1e-8
@@ -100,10 +102,8 @@ def equilibrium(
 def _rest_condition(controller: Controller, system: MechanicalSystem, force: Array) -> Callable[[Array], Array]:
     def rates(unknown: Array) -> Array:
         position, state = unknown[: system.n], unknown[system.n :]
-        plant = system.at(position)
-        view = plant.seen_by(controller.system)
-        measured = measure_truly(plant, force, Measured._fields)
-        command = controller.evaluate(0.0, view, state, measured)
-        return np.concatenate([plant.acceleration(command.torque, force), command.state_rate])
+        at = SampledState(0.0, position, np.zeros(system.n), state, force, None, "")
+        command = Seen.of(controller, system, at, Measured._fields).command()
+        return np.concatenate([system.at(position).acceleration(command.torque, force), command.state_rate])
 
     return rates

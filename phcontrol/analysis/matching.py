@@ -22,6 +22,7 @@ _STRETCHES = (
     1.0 / 8.0,
     1.0 / 64.0,
     8.0,
+    1.0 / 512.0,
 )  # of the step: a law is wrong with every one, a bend within a step is not
 _CLOSE_ENOUGH = 1e-8  # of a row's terms: then no other step is tried
 _MOVING = 0.75  # quantile of a row's terms that is taken for what they are where things move
@@ -49,8 +50,10 @@ class StateFigures(NamedTuple):
     """Sum of the absolute terms of ∇H_dᵀẋ [W]."""
     skewness: float
     indefiniteness: float
+    has_drive: bool
+    """Whether the target has a drive."""
     drive: float
-    """Largest entry of what drives the law."""
+    """Largest entry of what it brings."""
     drive_power: float
     """∇H_dᵀ drive: what it brings in [W]."""
     stored: float
@@ -95,6 +98,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         power=power + abs(supplied),
         skewness=_skewness(target.J, target.R),
         indefiniteness=indefiniteness(target.R),
+        has_drive=bool(target.signal.size),
         drive=float(np.abs(driven).max(initial=0.0)),
         stored=seen.stored(),
         idleness=_idleness(seen, target),
@@ -130,7 +134,8 @@ def worst_power(
     states: Sequence[SampledState], figures: Sequence[StateFigures], errors: Sequence[float], lowest: float = 0.0
 ) -> Worst:
     """Return the largest of some powers, relative to the power that flows, with the same units as for rows."""
-    usual = _LEAST_SCALE * float(np.quantile([each.power for each in figures], _MOVING))
+    powers = [each.power for each in figures]
+    usual = max(_LEAST_SCALE * float(np.quantile(powers, _MOVING)), _ROUNDING * max(powers))
     relative = (error / max(each.power, usual, 1e-300) for each, error in zip(figures, errors, strict=True))
     return Worst.of(zip(relative, map(described, states), strict=True), lowest)
 

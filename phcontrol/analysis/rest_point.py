@@ -114,10 +114,8 @@ class _Neighbourhood:
             found = found and self._left(self._pulled, y, self._pulled(y)) <= _FOUND
             self._bent = found
         n, law = self._n, self._law
-        A, error = self._jacobian(self._rate, y)
         unrest = 0.0 if law.time_span else self._left(self._rate, y, self._rate(y))
-        scaled = A * self._units / self._units[:, None]
-        values, uncertainty = _spectrum(scaled, error * self._units / self._units[:, None])
+        values, uncertainty = _spectrum(*self._linearised(y))
         curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
         return RestPoint(
             self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free, found, unrest, curvature,
@@ -190,16 +188,40 @@ class _Neighbourhood:
         unit = np.max([np.abs(function(y + sign * self._units) - value) for sign in signs], axis=0) / _PROBE
         return float((np.abs(value) / np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))).max())
 
-    def _jacobian(self, function: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
-        """Return the derivative of a function at y and the error of its entries, column by column the best step's."""
-        best, error = jacobian(function, y, self._units, _STEPS[0])
+    def _linearised(self, y: Array) -> tuple[Array, Array]:
+        """Return S⁻¹(∂ẏ/∂y)S and the error of its entries, column by column that of the best step.
+
+        The columns of S are directions in which one of the target's coordinates changes, a natural unit far: there
+        large gains do not drown slow modes. Any regular S gives the same eigenvalues.
+        """
+        S = self._directions(y)
+
+        def rate(shift: Array) -> Array:
+            found: Array = np.asarray(np.linalg.solve(S, self._rate(y + S @ shift)), dtype=float)
+            return found
+
+        here, ones = np.zeros(len(y)), np.ones(len(y))
+        best, error = jacobian(rate, here, ones, _STEPS[0])
         for step in _STEPS[1:]:
             if error.max() <= _ACCURATE * np.abs(best).max():
                 break
-            now, difference = jacobian(function, y, self._units, step)
+            now, difference = jacobian(rate, here, ones, step)
             nearer = difference.max(axis=0) < error.max(axis=0)
             best, error = np.where(nearer, now, best), np.where(nearer, difference, error)
         return best, error
+
+    def _directions(self, y: Array) -> Array:
+        """Return S, shape (len(y), len(y)); natural units of y where the coordinates are not as many or dependent."""
+        slope = jacobian(self._coordinates, y, self._units, _STEPS[0])[0]
+        size = np.abs(slope * self._units).max(axis=1, initial=0.0)
+        if slope.shape != (len(y), len(y)) or not (size > 0.0).all():
+            return np.diag(self._units)
+        scaled = slope * self._units / size[:, None]
+        if np.linalg.svd(scaled / np.linalg.norm(scaled, axis=0), compute_uv=False)[-1] < _DEPENDENT:
+            return np.diag(self._units)
+        directions = np.linalg.inv(scaled)
+        S: Array = self._units[:, None] * directions / np.abs(directions).max(axis=0)
+        return S
 
     def _curvature(self, y: Array) -> float:
         """Return the smallest eigenvalue of H_xx, the Hessian of H_d in the target's coordinates, scaled.

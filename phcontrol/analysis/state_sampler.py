@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -25,13 +26,16 @@ _LATEST = 1e5  # [s]
 _SPANS, _LOOKS = 6.0, 96  # over how many spans, and how often, a law is looked at that may go on changing
 _LATEST_SPANS = 200.0  # of a law that changes with time: later ones leave no digits for differences in time
 _USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
-_FIRST_TIME = 5e-3  # of a law that changes with time: differences in time need room on both sides [s]
+FIRST_TIME = 5e-3
+"""At which a law that changes with time is looked at: differences in time need room on both sides [s]."""
 _TURNS = 3.0  # of a continuous joint
 _FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
 _THIN = 4  # every fourth state lies on a thin set
+_EVEN = ("at limits", "anywhere", "beyond limits", "speeds")  # strata with a sequence of their own
+_ALONE = 0.25  # of the vectors have one entry alone
 
 
 class StateSampler:
@@ -53,8 +57,9 @@ class StateSampler:
     Every fourth state lies on a thin set (``ThinStates``): with one coordinate alone away from rest, with neighbouring
     joints alone, with p̂ = 0, at rest under a load.
 
-    The numbers are a scrambled Sobol sequence (:mod:`scipy.stats.qmc`), which leaves no gaps in any single
-    coordinate; seed and number of samples make it reproducible. The first state is the law's rest point.
+    The numbers are scrambled Sobol sequences (:mod:`scipy.stats.qmc`), which leave no gaps in any single coordinate:
+    one that chooses, and one more for each stratum that fills a range of positions or speeds, since a part of a
+    sequence has gaps. Seed and number of samples make them reproducible. The first state is the law's rest point.
 
     Args:
         law: gives the goal, the size of its state, and what there is to see.
@@ -77,6 +82,7 @@ class StateSampler:
         self._span = true_span(law)
         self._changes = self._span > 0.0
         self._generator = np.random.default_rng(0)
+        self._even: dict[str, Iterator[Array]] = {}
         self._thin = ThinStates(law, plant, units, self._look)
 
     def draw(self, samples: int, seed: int) -> list[SampledState]:
@@ -85,7 +91,10 @@ class StateSampler:
 
         n, m = self._plant.n, self._units.state.size
         sequence = qmc.Sobol(_SELECTORS + 5 * n + m, seed=seed)
-        points = sequence.random_base2(math.ceil(math.log2(samples)))[:samples]
+        power = math.ceil(math.log2(samples))
+        points = sequence.random_base2(power)[:samples]
+        for which, stratum in enumerate(_EVEN, start=1):
+            self._even[stratum] = iter(qmc.Sobol(n, seed=np.random.default_rng([seed, which])).random_base2(power))
         states = []
         for k, point in enumerate(points):
             self._generator = np.random.default_rng([seed, k])
@@ -93,7 +102,7 @@ class StateSampler:
             states.append(self._state(point) if last else self._thin_state(turn - 1, samples // _THIN, point))
         position, velocity, state = self._rest
         scene = self._law.rest_scene(self._law.system.at(position))
-        time = _FIRST_TIME if self._changes else 0.0
+        time = FIRST_TIME if self._changes else 0.0
         if not self._changes or not velocity.any():
             states[0] = SampledState(time, position, velocity, state, self._rest_force, scene, "the rest point")
         return states
@@ -104,9 +113,13 @@ class StateSampler:
         return None if eyes is None else eyes.random_scene(self._law.system.at(position), self._generator, spread)
 
     def _thin_state(self, k: int, count: int, u: Array) -> SampledState:
-        """Return one of a number of states on thin sets, about the rest posture of some time."""
+        """Return one of a number of states on thin sets, about the rest posture of some time.
+
+        For a law that does not change it is time 0, that of the rest point: so they differ from it in one argument
+        alone, and what a law remembers under the others shows.
+        """
         n = self._plant.n
-        time = self._clear_of_switches(self._time(u[0], u[6]))
+        time = self._clear_of_switches(self._time(u[0], u[6])) if self._changes else 0.0
         goal = np.array(self._law.rest_posture(time)) if self._changes else self._rest[0]
         scene = self._law.rest_scene(self._law.system.at(goal))
         velocity = reference_velocity(self._law, time)
@@ -138,18 +151,19 @@ class StateSampler:
         phase = min(int(size * len(starts)), len(starts) - 1)
         start, within = starts[phase], size * len(starts) - phase
         if kind < 0.125:
-            return start + _FIRST_TIME
+            return start
         if kind < 0.75:
             end = starts[phase + 1] if phase + 1 < len(starts) else max(1.25 * span, start + 1.0)
-            return start + max(_FIRST_TIME, within * (end - start))
-        return _log_uniform(size, _FIRST_TIME, max(_LATEST_SPANS * span, 1.0))
+            return start + within * (end - start)
+        return _log_uniform(size, FIRST_TIME, max(_LATEST_SPANS * span, 1.0))
 
     def _clear_of_switches(self, time: float) -> float:
-        """Return the time, or one a little later or earlier where another law takes over: for differences in time."""
-        for start in self._law.phases[1:]:
-            if abs(time - start) < _FIRST_TIME:
-                return start + _FIRST_TIME if time >= start else start - _FIRST_TIME
-        return time
+        """Return a time at least 5 ms from where another law takes over, or in the middle between: for differences."""
+        starts = (*self._law.phases, math.inf)
+        phase = max(0, bisect_right(starts, time) - 1)
+        start, end = starts[phase], starts[phase + 1]
+        room = min(FIRST_TIME, 0.5 * (end - start))
+        return min(max(time, start + room if self._changes else start), end - room)
 
     def _position(
         self, kind: float, size: float, time: float, along: Array, aside: Array, across: Array
@@ -167,13 +181,13 @@ class StateSampler:
             start = robot.home if kind < 0.34 else np.zeros(along.size)
             share = size if kind < 0.3 else 0.0
             return start + share * (goal - start) + _AROUND * unit * (2.0 * along - 1.0), "near home"
-        anywhere = low + (high - low) * along
         if kind < 0.6:
-            return self._at_limits(anywhere, size, aside, across), "at joint limits"
+            between = low + (high - low) * next(self._even["at limits"])
+            return self._at_limits(between, size, aside, across), "at joint limits"
         if kind < 0.9:
-            return anywhere, ""
+            return low + (high - low) * next(self._even["anywhere"]), ""
         beyond = np.where(robot.continuous, _TURNS * 2.0 * np.pi * unit, _BEYOND * (high - low))
-        return low - beyond + (high - low + 2.0 * beyond) * along, "beyond joint limits"
+        return low - beyond + (high - low + 2.0 * beyond) * next(self._even["beyond limits"]), "beyond joint limits"
 
     def _on_tool(self, position: Array, force: Array, axis: float | None) -> Array:
         """Return 𝒥ᵀF of a force at the tool's origin that takes about as much of the motors as ``force`` does.
@@ -181,7 +195,8 @@ class StateSampler:
         Its direction is that of ``force``, or one of the world's axes: upright for an ``axis`` below 4, else level.
         """
         frame = self._plant.robot.tool_frame or self._plant.robot.frame_names[-1]
-        lever: Array = self._plant.at(position).frame_jacobian(frame, "local_world_aligned")[:3].T
+        jacobian = self._plant.at(position).frame_jacobian(frame, "local_world_aligned")
+        lever = jacobian.reshape(6, position.size)[:3].T  # Pinocchio's of one joint is a vector
         if axis is None:
             along = lever @ (lever.T @ force)
         else:
@@ -215,7 +230,7 @@ class StateSampler:
             start = reference if kind < 0.4 else 0.0
             return start + _log_uniform(size, CLOSEST, 1.0) * unit * _thinned(direction, kind * 20.0 % 1.0), "slow"
         if kind < 0.85:
-            return 2.0 * unit * _thinned(direction, kind * 20.0 % 1.0), ""
+            return 2.0 * unit * _thinned(2.0 * next(self._even["speeds"]) - 1.0, kind * 20.0 % 1.0), ""
         fastest = np.maximum(4.0 * unit, _FASTEST * self._units.position)
         return _log_uniform(size, 2.0, 1.0 + float((fastest / unit).max())) * unit * direction, "fast"
 
@@ -260,15 +275,13 @@ def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name
 
 
 def _thinned(direction: Array, choice: float, others: Array | None = None) -> Array:
-    """Return the direction with one entry alone, or with some of them; in half of the cases as it is."""
-    if choice >= 0.5 and others is None:
-        return direction
-    if choice < 0.25 or others is None:
+    """Return the direction with one entry alone, or, given ``others``, with some of them, else as it is."""
+    if choice < _ALONE:
         alone = np.zeros(direction.size)
-        entry = min(int(choice % 0.25 * 4.0 * direction.size), direction.size - 1)
+        entry = min(int(choice / _ALONE * direction.size), direction.size - 1)
         alone[entry] = direction[entry]
         return alone
-    return np.where(others < 0.4, direction, 0.0)
+    return direction if others is None else np.where(others < 0.4, direction, 0.0)
 
 
 def _range(robot: Robot) -> tuple[Array, Array]:

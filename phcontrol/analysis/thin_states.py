@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.vision.scene import Scene
-
-Thing = TypeVar("Thing")
 
 SLIDING = "p̂ = 0"
 """The stratum in which a law that is right may dissipate nothing for an instant."""
@@ -39,7 +37,8 @@ class ThinStates:
     - At rest under a load: the external force that keeps the closed loop from accelerating, with the arm or the
       controller's state displaced.
 
-    Axes and blocks are gone through one after another, evenly where there are more than can be looked at.
+    Axes, blocks and parts of the controller's state are gone through one after another; of more axes than can be
+    looked at some, evenly, of more blocks those at the ends of the arm.
 
     Args:
         law: is asked for its coordinates and its torque.
@@ -54,16 +53,18 @@ class ThinStates:
         self._law, self._plant, self._units, self._look = law, plant, units, look
         self._axes = list(_axes(plant.n, units.state.size))
         self._blocks = list(_blocks(plant.n))
+        lengths = list(law.state_parts.values())
+        self._parts = list(np.repeat(np.eye(len(lengths), dtype=bool), lengths, axis=1))
 
     def state(self, k: int, count: int, rest: SampledState, u: Array) -> SampledState:
         """Return the k-th of ``count`` states about ``rest``; ``u`` holds 2n + m numbers between 0 and 1."""
         turn, kind = divmod(k, KINDS)
-        turns = max(1, count // KINDS)
         size = np.copysign(_LEAST + (_MOST - _LEAST) * np.abs(2.0 * u - 1.0), u - 0.5)
         if kind < 4:
-            return self._on_an_axis(rest, _spread(self._axes, 4 * turn + kind, 4 * turns), size)
+            which, looks = 4 * turn + kind, 4 * max(1, count // KINDS)
+            return self._on_an_axis(rest, self._axes[_spread(which, looks, len(self._axes))], size)
         if kind < 6 and self._blocks:
-            return self._on_a_block(rest, _spread(self._blocks, 2 * turn + kind - 4, 2 * turns), size, kind == 5)
+            return self._on_a_block(rest, self._blocks[(2 * turn + kind - 4) % len(self._blocks)], size, kind == 5)
         return self._sliding(rest, size) if kind < 7 else self._loaded(rest, turn, float(u[0]), size)
 
     def _on_an_axis(self, rest: SampledState, axis: tuple[str, int], size: Array) -> SampledState:
@@ -107,7 +108,8 @@ class ThinStates:
         """Return a state at rest under a force; nearer to rest as long as that takes twice the motors' limits."""
         n, far = self._plant.n, _SMALLEST * (_LARGEST / _SMALLEST) ** share
         away, charged = far * size[:n] * self._units.position, size[2 * n :] * self._units.state
-        if turn % 2 and charged.size:  # the controller's state bears the load
+        if turn % 2 and self._parts:  # a part of the controller's state bears the load
+            charged[~self._parts[turn // 2 % len(self._parts)]] = 0.0
             away = np.zeros(n)
         else:
             charged = np.zeros(charged.size)
@@ -173,6 +175,6 @@ def _blocks(n: int) -> Iterator[slice]:
             yield slice(first, first + length)
 
 
-def _spread(things: list[Thing], k: int, count: int) -> Thing:
-    """Return the k-th of ``count`` choices: all in turn where there are enough, else some, evenly."""
-    return things[k % len(things) if count >= len(things) else k * len(things) // count]
+def _spread(k: int, count: int, things: int) -> int:
+    """Return which thing the k-th of ``count`` looks is at: all in turn where they suffice, else some, evenly."""
+    return k % things if count >= things else k * things // count

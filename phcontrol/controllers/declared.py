@@ -15,10 +15,11 @@ from phcontrol.controllers.parameters import (
     Positive,
     Vector,
 )
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 
 if TYPE_CHECKING:
-    from typing_extensions import dataclass_transform
+    from typing_extensions import Self, dataclass_transform
 else:
 
     def dataclass_transform(**_: Any) -> Any:
@@ -64,10 +65,25 @@ class Declared:
         check_system(system)
         self.system = system
         given = _signature(self.parameters).bind(system, **arguments)
+        self._given = arguments
         given.apply_defaults()
         for name, parameter in self.parameters.items():
             setattr(self, name, parameter.checked(name, given.arguments[name], system))
         self.prepare()
+        self._made = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to change an argument of what is made: what was computed of it would not follow."""
+        if name in self.parameters and "_made" in self.__dict__:
+            raise InvalidArgumentError(name, f"is fixed when {type(self).__name__} is made: make another by changed(…)")
+        super().__setattr__(name, value)
+
+    def changed(self, **arguments: Any) -> Self:
+        """Return another of the same kind, with these arguments in place of those that it was made with.
+
+        Raises what its constructor raises.
+        """
+        return type(self)(self.system, **(self._given | arguments))
 
     def prepare(self) -> None:
         """Check what depends on several arguments, and compute what all calls use."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -88,9 +87,7 @@ class TrajectoryTracking(EnergyShaping):
     @property
     def unheld(self) -> TrajectoryTracking:
         """The same law for a torque that is not held: the one that the certificate is about."""
-        law = copy.copy(self)
-        law.hold = 0.0
-        return law
+        return self.changed(hold=0.0)
 
     @property
     def needs(self) -> tuple[str, ...]:

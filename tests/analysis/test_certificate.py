@@ -120,9 +120,9 @@ class WrongStorage(EnergyShaping):
 class NegativeDamping(EnergyShaping):
     """Energy is injected, and the target says so: matching holds, R_d ⪰ 0 does not."""
 
-    def __init__(self, *args, **kwargs):
-        super().__init__(*args, **kwargs)
+    def prepare(self):
         self.damping = -self.damping
+        super().prepare()
 
 
 POSITION = {"goal": 0.3 * np.ones(7), "stiffness": 15.0, "damping": 10.0}

@@ -7,8 +7,11 @@ import pytest
 
 from phcontrol import (
     NOTHING,
+    Command,
     EnergyShaping,
+    ForceControl,
     ForceFeedback,
+    ForceRegulation,
     ImpedanceGrasping,
     IntegralAction,
     MechanicalSystem,
@@ -18,12 +21,17 @@ from phcontrol import (
     certify,
     load_robot,
 )
+from phcontrol.analysis.continuity import jump_at_switches
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.rest_point import find_rest
+from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import Drive
 from tests.conftest import make_system
 
 
 def replaced(target, **parts):
-    names = ("coordinates", "interconnection", "dissipation", "gradient", "port", "drive")
+    names = ("coordinates", "interconnection", "dissipation", "gradient", "port", "drive", "parts")
     return Target(**({name: getattr(target, name) for name in names} | parts))
 
 
@@ -150,7 +158,7 @@ class WorksInPlace(EnergyShaping):
     def evaluate(self, t, x, state, measured=NOTHING):
         force = x.potential_gradient
         force += super().shape(t, x, state, measured).effort
-        return self._command(t, x, state, force, np.zeros(0))
+        return Command(self.system.motor_torque(force), np.zeros(0))
 
 
 class WritesTheVelocity(EnergyShaping):
@@ -313,6 +321,98 @@ class DrivenByItsState(EnergyShaping):
         return replaced(target, drive=Drive(np.zeros((2 * n, n)), x.position))
 
 
+class Virtual(EnergyShaping):
+    """A spring to a virtual goal g beside the goal; what moves g is called a drive."""
+
+    driven_by = "an operator"
+
+    @property
+    def state_parts(self):
+        return {"virtual_goal": self.system.n}
+
+    def rate(self, x, goal):
+        raise NotImplementedError
+
+    def _error(self, x, goal):
+        return x.position_error(self.goal) - goal
+
+    def shape(self, t, x, state, measured):
+        effort = -self.stiffness.dot(self._error(x, state)) - x.injected_damping(self.damping, x.velocity)
+        return Shaping(effort, state_rate=self.rate(x, state))
+
+    def storage(self, t, x, state, measured=NOTHING):
+        error = self._error(x, state)
+        return x.kinetic_energy + float(0.5 * error @ self.stiffness @ error + 0.5 * state @ state)
+
+    def coordinates(self, t, x, state, measured=NOTHING):
+        return np.concatenate([self._error(x, state), x.transformed_momentum, state])
+
+    def target(self, t, x, state, measured=NOTHING):
+        target, n = super().target(t, x, state, measured), x.system.n
+        J, R = np.zeros((2, 3 * n, 3 * n))
+        J[: 2 * n, : 2 * n], R[: 2 * n, : 2 * n] = target.interconnection, target.dissipation
+        rate = self.rate(x, state)
+        return Target(
+            coordinates=self.coordinates(t, x, state),
+            interconnection=J,
+            dissipation=R,
+            gradient=np.concatenate([self.stiffness.dot(self._error(x, state)), x.transformed_momentum, state]),
+            port=np.vstack([target.port, np.zeros((n, n))]),
+            drive=Drive(np.concatenate([-rate, np.zeros(n), rate])[:, None], np.ones(1)),
+        )
+
+
+class DriveOfItsState(Virtual):
+    """The virtual goal comes home from near, and runs away from far: ġ = −g, and 2g beyond 0.3."""
+
+    def rate(self, x, goal):
+        return np.where(np.abs(goal) > 0.3, 2.0 * goal, -goal)
+
+
+class DriveOfTheVelocity(Virtual):
+    """The virtual goal runs ahead of the motion."""
+
+    def rate(self, x, goal):
+        return -goal + 3.0 * x.velocity
+
+
+class UnsteadyRest(EnergyShaping):
+    """It rests somewhere else whenever it is asked."""
+
+    asked = 0
+
+    def rest_posture(self, t):
+        self.asked += 1
+        return self.goal + 0.1 * np.sin(self.asked)
+
+
+class UnsteadyStorage(EnergyShaping):
+    """Its storage function grows with every question, by what no difference over a run sees."""
+
+    asked = 0
+
+    def storage(self, t, x, state, measured=NOTHING):
+        self.asked += 1
+        return super().storage(t, x, state, measured) * (1.0 + 1e-11 * self.asked)
+
+
+class ReadsTheWorkspace(EnergyShaping):
+    """1 % of whatever somebody last computed with the model."""
+
+    def evaluate(self, t, x, state, measured=NOTHING):
+        left_over = 0.01 * self.system.data.nle
+        command = super().evaluate(t, x, state, measured)
+        return command._replace(torque=command.torque + left_over)
+
+
+class CachedByPosition(EnergyShaping):
+    """Its torque is remembered under time and position: it forgets that the velocity has changed."""
+
+    def evaluate(self, t, x, state, measured=NOTHING):
+        cache, key = self.__dict__.setdefault("cache", {}), (t, x.position.tobytes())
+        return cache.setdefault(key, super().evaluate(t, x, state, measured))
+
+
 CASES = {
     SwitchedGains: "jump of H_d between states",
     ScheduledByDistance: "jump of H_d between states",
@@ -335,9 +435,15 @@ CASES = {
     FalsePort: "passive port that is another",
     Excited: "rise of H_d to the calmest state",
     StartsCharged: "energy of the law's initial state",
-    RunawayGoal: "drive that is declared",
+    RunawayGoal: "states with the drive that is declared",
     OtherCoordinates: "target's coordinates are others",
     DrivenByItsState: "drive that depends on the state",
+    DriveOfItsState: "drive that depends on the state",
+    DriveOfTheVelocity: "drive that depends on the state",
+    UnsteadyRest: "command that is not repeated",
+    UnsteadyStorage: "command that is not repeated",
+    ReadsTheWorkspace: "command that is not repeated",
+    CachedByPosition: "matching residual",
 }
 
 
@@ -421,3 +527,83 @@ def test_a_deeper_minimum_beside_the_goal_is_seen():
     certificate = certify(Deeper.tuned(make_system("pera_shoulder")))
     assert certificate.matching_passed, str(certificate)
     assert not certificate["depth of H_d below its rest"].passed, str(certificate)
+
+
+# --- what is not forbidden, but said ------------------------------------------------------------------
+
+
+def test_the_jump_of_the_energy_at_a_switch_is_said():
+    """From K to 3K, H_d jumps by q̃ᵀK q̃; from A to A′ in the dynamic extension by ½|p̄ − A′z|² − ½|p̄ − A z|²."""
+    plant = make_system("pera_shoulder")
+    goal = plant.robot.near_home()
+    soft = EnergyShaping.tuned(plant, goal)
+    stiff = EnergyShaping.tuned(plant, goal, stiffness=3.0 * soft.stiffness)
+    generator = np.random.default_rng(4)
+    states = [
+        SampledState(0.0, position, velocity, np.zeros(0), np.zeros(2), None, "")
+        for position, velocity in generator.uniform(-1.0, 1.0, (64, 2, 2))
+    ]
+    errors = np.array([at.position - goal for at in states])
+    expected = np.einsum("ki,ij,kj->k", errors, soft.stiffness, errors).max()
+    schedule = Schedule([(0.0, soft), (2.0, stiff), (5.0, soft)])
+    assert jump_at_switches(schedule, plant, states) == pytest.approx(expected, rel=1e-12)
+    assert jump_at_switches(soft, plant, states) is None
+
+    certificate = certify(schedule)
+    assert certificate.passed
+    assert certificate.jump_at_switches > 1.0
+    assert f"at its switches H_d jumps by up to {certificate.jump_at_switches:.3g} J" in str(certificate)
+    assert certify(Schedule([(0.0, soft), (2.0, soft)])).jump_at_switches == 0.0
+    assert "at its switches" not in str(certify(soft))
+
+
+def test_the_power_of_a_drive_is_said():
+    """Regulation moves q_f by v, which takes −vᵀK_p e out of H_d: at most so much of the sampled states."""
+    plant = make_system("pera_shoulder")
+    law = ImpedanceGrasping.tuned(plant, regulation=ForceRegulation(np.full(2, 0.2)))
+    certificate = certify(law)
+    assert certificate.verdict == "PASSED AS DRIVEN"
+    assert certificate.drive_power > 0.0
+    assert f"which brings in up to {certificate.drive_power:.3g} W" in str(certificate)
+    assert certify(ImpedanceGrasping.tuned(plant)).drive_power is None
+
+
+# --- right laws that once failed --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gains", [{"integral_gain": 1e6}, {"coupling": 1e6, "force_gain": 1e-6}], ids=str)
+def test_right_laws_with_extreme_gains_pass(gains):
+    common = {"stiffness": 100.0, "damping": 10.0, "coupling": 0.5, "force_gain": 2.0}
+    law = IntegralAction if "integral_gain" in gains else ForceFeedback
+    plant = make_system("pera_shoulder")
+    certificate = certify(law(plant, goal=plant.robot.near_home(), **common | gains))
+    assert certificate.passed, str(certificate)
+
+
+def test_modes_that_differ_by_a_factor_of_1e9_are_told_apart():
+    """The spectrum, by differences of the true rate, is that of (J − R)∂²H_d, the promise's own."""
+    plant = make_system("panda")
+    n, goal = plant.n, plant.robot.near_home()
+    law = IntegralAction(
+        plant, goal=goal, stiffness=100.0, damping=10.0, coupling=0.5, force_gain=2.0, integral_gain=1e6
+    )
+    target = law.target(0.0, plant.at(goal), np.zeros(2 * n))
+    curvature = np.diag(np.repeat([100.0, 1.0, 0.5, 1.0], n))
+    expected = np.sort(np.linalg.eigvals((target.interconnection - target.dissipation) @ curvature).real)
+    found = find_rest(law, plant, NaturalUnits.of(law, plant, 0.0), 0.0)
+    assert found.stability == "asymptotically stable"
+    np.testing.assert_allclose(np.sort(found.eigenvalues.real), expected, rtol=1e-6, atol=1e-6)
+    assert found.slowest == pytest.approx(-1.0 / expected[-1], rel=1e-3)
+
+
+def test_a_stiff_arm_that_follows_a_trajectory_passes():
+    """Its runs last 0.2 ms; differences in time must not reach back beyond the beginning of the trajectory."""
+    plant = MechanicalSystem(load_robot("xarm7"))
+    certificate = certify(TrajectoryTracking.tuned(plant, plant.robot.near_home(), measured=True))
+    assert certificate.matching_passed, str(certificate)
+
+
+def test_a_schedule_whose_drive_is_a_force_of_0_passes():
+    plant = make_system("pera_shoulder")
+    laws = [(0.0, EnergyShaping.tuned(plant)), (5.0, ForceControl.tuned(plant, approach_speed=0.3))]
+    assert certify(Schedule(laws)).verdict == "PASSED AS DRIVEN"

@@ -172,8 +172,7 @@ def test_a_law_that_is_wrong_only_late_on_a_long_trajectory():
 def negative_stiffness(arm):
     """K_p negative definite: every row matches, R_d ⪰ 0, and the loop runs away from its goal."""
     law = make_controller("energy_shaping", system(arm))
-    law.stiffness = -law.stiffness
-    law._negative_stiffness = -law.stiffness
+    law.potential.stiffness = -law.stiffness
     return law
 
 
@@ -182,7 +181,7 @@ def saddle(arm):
     law = make_controller("energy_shaping", system(arm))
     gains = np.array(np.diag(law.stiffness))
     gains[-1] = -gains[-1]
-    law.stiffness, law._negative_stiffness = np.diag(gains), -np.diag(gains)
+    law.potential.stiffness = np.diag(gains)
     return law
 
 

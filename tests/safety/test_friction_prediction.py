@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from phcontrol import (
     FilterStatus,
@@ -207,3 +208,22 @@ def test_a_filter_that_knows_the_least_friction_keeps_the_limits_with_more():
         for torque_rate in (None, 1000.0):
             log = loop(system, limits_of(system, torque_rate), seed=1, error=error, model=0.7, duration=0.3)
             assert (np.abs(log.velocity) / system.robot.velocity_limit).max() <= 1.03
+
+
+@pytest.mark.parametrize(("name", "most"), [("xarm7", 0.025), ("z1", 0.002), ("tiago", 0.002)])
+def test_what_the_inertia_couples_into_viscous_friction_is_small(name, most):
+    """The next velocity under viscous friction alone against the matrix exponential, at 2 ms."""
+    system, h = arm(name), 2e-3
+    n, generator = system.n, np.random.default_rng(1)
+    prediction = FrictionPrediction(system, h, system.robot.velocity_limit)
+    worst = 0.0
+    for _ in range(200):
+        x = system.at(system.robot.random_position(generator))
+        force = generator.normal(size=n) * system.robot.effort_limit.clip(max=100.0)
+        flow = np.zeros((2 * n, 2 * n))
+        flow[:n, :n] = -np.linalg.solve(x.mass_matrix, np.diag(prediction.viscous))
+        flow[:n, n:] = np.eye(n)
+        exact = expm(h * flow)[:n, n:] @ np.linalg.solve(x.mass_matrix, force)
+        predicted = h * np.linalg.solve(x.mass_matrix + np.diag(prediction.implicit), force)
+        worst = max(worst, np.abs(predicted - exact).max() / np.abs(exact).max())
+    assert 1e-5 < worst < most
