@@ -13,7 +13,7 @@ from phcontrol.controllers.parameters import Gain, Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Target
+from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Part, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -110,11 +110,12 @@ class DynamicExtension(ShapedLaw):
         """Return the closed loop on (position coordinates, p̂, z)."""
         aim = self.aim(t, x)
         momentum = aim.momentum - self.coupling.dot(state)
-        return self._extended(aim, momentum, state, drive=self.drive(t, x, measured))
+        return self._extended(aim, aim.error, momentum, state, drive=self.drive(t, x, measured))
 
     def _extended(
         self,
         aim: Aim,
+        error: Part,
         momentum: Array,
         state: Array,
         port: Mapping[str, Array] | None = None,
@@ -134,7 +135,7 @@ class DynamicExtension(ShapedLaw):
             return {MOMENTUM: inverse, "force": Y.T @ inverse} if self._feels else {MOMENTUM: inverse}
 
         own = {"force": (state, self._storage_gain.dot(state))}
-        parts = {"error": aim.error, MOMENTUM: (momentum, momentum)} | own
+        parts = {"error": error, MOMENTUM: (momentum, momentum)} | own
         return Target.of(parts, lambda: self._interconnection(aim), dissipation, felt, drive)
 
     def _interconnection(self, aim: Aim) -> dict[tuple[str, str], Array]:

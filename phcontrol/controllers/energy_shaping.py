@@ -48,9 +48,14 @@ class EnergyShaping(PositionLaw):
         G = self.system.input_matrix
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
         self._negative_damping = -self._joint_damping
-        self._cancels = "external_force" in self.needs
+        self._cancels = self.cancels_external_force
         self._tracks = self.interconnection == "coriolis" and self._trajectory is not None
         self._spring = self.potential if isinstance(self.potential, JointSpring) else None
+
+    @property
+    def cancels_external_force(self) -> bool:
+        """Whether the measured f_e is cancelled."""
+        return False
 
     def structure(self, t: float, x: MechanicalState) -> Array:
         """Return J̄₂."""

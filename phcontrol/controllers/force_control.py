@@ -97,8 +97,8 @@ class ForceControl(DynamicExtension):
         super().prepare()
 
     def shaped(self) -> Potential:
-        """Return f_dᵀq, or Fᵀr(q), plus U; U alone without feedforward."""
-        return self.desired + self._held if self.feedforward else self._held
+        """Return f_dᵀq, or Fᵀr(q), plus U: Ψ where f_d acts."""
+        return self.desired + self._held
 
     @property
     def _feels(self) -> bool:
@@ -201,19 +201,20 @@ class ForceControl(DynamicExtension):
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the closed loop on (position coordinates, p̂, w); where f_d does not act it drives w as an input."""
-        aim = self._aim(t, x, measured)
+        aim, along = self.aim(t, x), super().drive(t, x, measured)
         momentum = aim.momentum - self.coupling.dot(state)
-        along = super().drive(t, x, measured)
         if self._acts(measured):
-            return self._extended(aim, momentum, state, drive=along)
+            return self._extended(aim, aim.error, momentum, state, drive=along)
+        coordinates, gradient = aim.error
+        gradient[: len(self.desired.coordinates(x))] = 0.0
         approaching, inverse = self._approaches(measured), x.inverse_factor
         lost = {}
         if approaching:
-            rate = self._rate(aim, measured)
+            rate = self._rate(self._aim(t, x, measured), measured)
             if self._is_held(x.solve_factor_transposed(self.coupling.dot(state)), state, rate):
                 lost = {("force", "force"): np.outer(rate, rate) / state.dot(self._storage_gain.dot(rate))}
         drive: DrivenParts = {"force": -self._port.T @ x.solve_factor(self.desired.lever(x))}, self.desired.force
         if along is not None:
             drive = joined(drive, along)
         port = {MOMENTUM: inverse} if approaching else {MOMENTUM: inverse, "force": self._port.T @ inverse}
-        return self._extended(aim, momentum, state, port, lost, drive)
+        return self._extended(aim, (coordinates, gradient), momentum, state, port, lost, drive)

@@ -90,6 +90,11 @@ class TrajectoryTracking(EnergyShaping):
         return self.changed(hold=0.0)
 
     @property
+    def cancels_external_force(self) -> bool:
+        """Whether the measured f_e is cancelled."""
+        return self.measured
+
+    @property
     def needs(self) -> tuple[str, ...]:
         """The external force, when it is cancelled."""
         return ("external_force",) if self.measured else ()

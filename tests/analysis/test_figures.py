@@ -61,12 +61,12 @@ def test_checks_say_how_their_figure_stands_to_the_bound(made, passed, relation)
         (np.diag([1.0, 0.0, 1e7]), 0.0),
         (np.diag([1e7, -1e-3]), 1.0),
         (np.array([[1.0, 2.0], [2.0, 4.0]]), 0.0),  # of rank one
-        (np.array([[1.0, 2.0], [2.0, 3.0]]), 1.0 / 7.0),  # pivot 3 − 4 of terms 3 + 4
+        (np.array([[1.0, 2.0], [2.0, 3.0]]), 2.0 / np.sqrt(3.0) - 1.0),
         (np.array([[0.0, 1.0], [1.0, 1.0]]), 1.0),
         (np.array([[1.0, 0.5], [0.0, 1.0]]), 0.5),
     ],
 )
-def test_indefiniteness_is_that_of_the_pivots(matrix, expected):
+def test_indefiniteness_is_the_most_negative_eigenvalue_of_the_scaled_matrix(matrix, expected):
     assert indefiniteness(matrix) >= expected * (1.0 - 1e-12)
     assert indefiniteness(matrix) == pytest.approx(expected, abs=1e-15) or expected == 1.0
 

@@ -109,11 +109,6 @@ class ForceInCoordinates(EnergyShaping):
         force = measured.external_force
         return 0.0 if force is None else np.linalg.solve(self.stiffness, force)
 
-    def coordinates(self, t, x, state, measured=NOTHING):
-        coordinates = super().coordinates(t, x, state, measured)
-        coordinates[: x.system.n] -= self._shift(measured)
-        return coordinates
-
     def storage(self, t, x, state, measured=NOTHING):
         error = x.position_error(self.goal) - self._shift(measured)
         return x.kinetic_energy + float(0.5 * error @ self.stiffness @ error)
@@ -122,7 +117,8 @@ class ForceInCoordinates(EnergyShaping):
         target, n = super().target(t, x, state, measured), x.system.n
         gradient = target.gradient.copy()
         gradient[:n] -= measured.external_force
-        coordinates = self.coordinates(t, x, state, measured)
+        coordinates = target.coordinates.copy()
+        coordinates[:n] -= self._shift(measured)
         return replaced(target, coordinates=coordinates, gradient=gradient, port=0.0 * target.port)
 
 
@@ -306,9 +302,8 @@ class RunawayGoal(EnergyShaping):
 class OtherCoordinates(EnergyShaping):
     """The target's coordinates are not those of ``coordinates``."""
 
-    def target(self, t, x, state, measured=NOTHING):
-        target = super().target(t, x, state, measured)
-        return replaced(target, coordinates=target.coordinates + 1.0)
+    def coordinates(self, t, x, state, measured=NOTHING):
+        return super().coordinates(t, x, state, measured) + 1.0
 
 
 class DrivenByItsState(EnergyShaping):

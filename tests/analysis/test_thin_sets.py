@@ -40,7 +40,7 @@ def only_the_first_joints_move(law, t, x, state, measured):
 
 
 def sliding(law, t, x, state, measured):
-    return np.abs(law._adapted_momentum(x, state)).max() < 1e-9 and np.abs(state).max() > 0.1
+    return np.abs(law.target(t, x, state, measured).momentum).max() < 1e-9 and np.abs(state).max() > 0.1
 
 
 def one_joint_pushed(law, t, x, state, measured):

@@ -321,7 +321,8 @@ def tiny_injection(arm):
     law = make_controller("energy_shaping", plant)
     gains = np.full(plant.n, 1e7)
     gains[3] = -1e-3
-    law.damping = np.diag(gains)
+    law.__dict__["damping"] = law.__dict__["_joint_damping"] = np.diag(gains)
+    law.__dict__["_negative_damping"] = -np.diag(gains)
     return law
 
 
@@ -348,9 +349,9 @@ class Raises(EnergyShaping):
 class Sleeps(EnergyShaping):
     """Promises damping on a plant without any, and has none: marginal."""
 
-    def __init__(self, *arguments, **gains):
-        super().__init__(*arguments, **gains)
+    def prepare(self):
         self.damping = np.zeros_like(self.damping)
+        super().prepare()
 
 
 FALSE_PROMISES = {
