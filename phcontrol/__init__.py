@@ -16,8 +16,17 @@ from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
-from phcontrol.controllers.parameters import Flag, Gain, Matrix, NonNegative, Parameter, Positive, PositiveVector, Vector
 from phcontrol.controllers.law_error import LawError
+from phcontrol.controllers.parameters import (
+    Flag,
+    Gain,
+    Matrix,
+    NonNegative,
+    Parameter,
+    Positive,
+    PositiveVector,
+    Vector,
+)
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller, register

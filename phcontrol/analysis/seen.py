@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, number
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.controllers.command import Command
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, stored
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
@@ -43,8 +43,9 @@ class Seen:
         return self.law.evaluate(self.at.time, self.view, self.at.state, self.measured)
 
     def stored(self) -> float:
-        """Return H_d [J]."""
-        return self.law.storage(self.at.time, self.view, self.at.state, self.measured)
+        """Return H_d [J]. Raises InvalidArgumentError unless it is a finite number."""
+        value = self.law.storage(self.at.time, self.view, self.at.state, self.measured)
+        return number("storage", stored(value))
 
     def coordinates(self) -> Array:
         """Return the target's coordinates."""

@@ -21,6 +21,7 @@ from phcontrol.cli.run_servo import servo
 from phcontrol.cli.run_study import study_command
 from phcontrol.cli.run_track import track
 from phcontrol.cli.view import view
+from phcontrol.controllers.own_laws import installed_laws, origin_of
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.thesis.registry import STUDIES
@@ -42,7 +43,9 @@ app.add_typer(run_app, name="run")
 
 @app.callback(invoke_without_command=True)
 def version_option(
-    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="End an error with Python's traceback.")] = False,
 ) -> None:
     """Energy-based control of robot arms, with a certificate for every controller."""
     for stream in (sys.stdout, sys.stderr):  # a file's name may hold what is no text
@@ -70,6 +73,10 @@ for _name, _entry in CONTROLLERS.items():
         help=f"Run an arm under {_name}: {_entry.summary}.",
         short_help=f"law: {_entry.summary}",
     )
+for _name, _points in installed_laws().items():  # nothing of them is imported before it is asked for
+    if _name not in CONTROLLERS:
+        _text = f"a law of {origin_of(_points[0])}"
+        _add(run_app, _name, law_command(_name, position), help=f"Run an arm under {_name}, {_text}.", short_help=_text)
 for _name, _study in STUDIES.items():
     _add(
         run_app,

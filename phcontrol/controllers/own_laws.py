@@ -32,7 +32,9 @@ def check_law(argument: str, law: object, what: str = "") -> type[Controller]:
         raise InvalidArgumentError(argument, f"'{what}' is a law that is already made: {wanted}")
     if not inspect.isclass(law):
         kind = "a function" if callable(law) else f"of type {type(law).__name__}"
-        factory = " (what a factory is for, the law's declared parameters and their 'tuned' do)" if callable(law) else ""
+        factory = (
+            " (what a factory is for, the law's declared parameters and their 'tuned' do)" if callable(law) else ""
+        )
         raise InvalidArgumentError(argument, f"'{what}' is {kind}: {wanted}{factory}")
     if not issubclass(law, Controller):
         raise InvalidArgumentError(argument, f"'{what}' is no Controller: {wanted}")
@@ -78,7 +80,9 @@ def import_law(path: str, folder: str | None = None) -> type[Controller]:
         raise
     for part in name.split("."):
         if not hasattr(found, part):
-            laws = [key for key, value in vars(found).items() if inspect.isclass(value) and issubclass(value, Controller)]
+            laws = [
+                key for key, value in vars(found).items() if inspect.isclass(value) and issubclass(value, Controller)
+            ]
             raise UnknownNameError("law", part, [law for law in laws if law != "Controller"], f" in {module_name}")
         found = getattr(found, part)
     return check_law("controller", found, path)

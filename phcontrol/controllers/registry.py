@@ -192,7 +192,7 @@ def find_law(name: str, folder: str | None = None) -> Entry:
 
 
 def all_laws() -> tuple[dict[str, Entry], list[str]]:
-    """Return every law by its name, those of installed packages too, and what is wrong with laws that cannot be used."""
+    """Return every law by its name, of installed packages too, and what is wrong with those that cannot be used."""
     laws, problems = dict(CONTROLLERS), []
     for name, points in installed_laws().items():
         if name in CONTROLLERS:
