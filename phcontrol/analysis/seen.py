@@ -12,6 +12,7 @@ from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller, stored
+from phcontrol.controllers.target import Target, check_target
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
@@ -53,7 +54,13 @@ class Seen:
 
     def promise(self) -> Promise:
         """Return the target's numbers."""
-        return Promise.of(self.law.target(self.at.time, self.view, self.at.state, self.measured), self.view.system.n)
+        return Promise.of(self.target(), self.view.system.n)
+
+    def target(self) -> Target:
+        """Return the target as the law states it."""
+        target = self.law.target(self.at.time, self.view, self.at.state, self.measured)
+        check_target(target)
+        return target
 
 
 def largest_difference(before: Sequence[Array], after: Sequence[Array]) -> float:

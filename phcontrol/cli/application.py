@@ -12,7 +12,7 @@ import typer
 from phcontrol._version import __version__
 from phcontrol.cli.certify import certify
 from phcontrol.cli.controllers import controllers
-from phcontrol.cli.errors import reports_errors
+from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_law import law_command
@@ -51,6 +51,7 @@ def version_option(
     for stream in (sys.stdout, sys.stderr):  # a file's name may hold what is no text
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    DEBUG[:] = ["--debug"] if debug else []
     if version:
         typer.echo(f"phcontrol {__version__}")
         raise typer.Exit

@@ -6,7 +6,6 @@ import functools
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-import click
 import typer
 
 from phcontrol.controllers.law_error import LawError
@@ -15,6 +14,9 @@ from phcontrol.simulation.simulation_error import SimulationInterrupted
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
+
+DEBUG: list[str] = []
+"""Holds something where errors shall end with Python's traceback (--debug)."""
 
 
 def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -25,7 +27,7 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
         try:
             return command(*args, **kwargs)
         except PHControlError as error:
-            if _debugging():
+            if DEBUG:
                 raise
             say_error(str(error))
             code = 130 if isinstance(error, SimulationInterrupted) else 1 if isinstance(error, LawError) else 2
@@ -37,11 +39,6 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
 def say_error(message: str) -> None:
     """Print an error in one line on stderr."""
     typer.echo(f"error: {_one_line(message)}", err=True)
-
-
-def _debugging() -> bool:
-    context = click.get_current_context(silent=True)
-    return context is not None and bool(context.find_root().params.get("debug"))
 
 
 def _one_line(text: str) -> str:

@@ -80,12 +80,17 @@ def import_law(path: str, folder: str | None = None) -> type[Controller]:
         raise
     for part in name.split("."):
         if not hasattr(found, part):
-            laws = [
-                key for key, value in vars(found).items() if inspect.isclass(value) and issubclass(value, Controller)
-            ]
-            raise UnknownNameError("law", part, [law for law in laws if law != "Controller"], f" in {module_name}")
+            raise UnknownNameError("law", part, _laws_in(found), f" in {module_name}")
         found = getattr(found, part)
     return check_law("controller", found, path)
+
+
+def _laws_in(place: Any) -> list[str]:
+    """Return the names of the laws in a module but for those of phcontrol."""
+    laws = {
+        key: value for key, value in vars(place).items() if inspect.isclass(value) and issubclass(value, Controller)
+    }
+    return [key for key, law in laws.items() if not law.__module__.startswith("phcontrol.")]
 
 
 def _is_part(missing: str | None, module: str) -> bool:
