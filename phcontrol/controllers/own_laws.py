@@ -116,11 +116,10 @@ def load_law(points: list[metadata.EntryPoint]) -> type[Controller]:
     """Return the law that an installed package offers. Raises as ``import_law`` does, and when two offer that name."""
     first = points[0]
     if len(points) > 1:
-        origins = " and ".join(sorted(origin_of(point) for point in points))
-        raise InvalidArgumentError(
-            "controller", f"'{first.name}' is offered by {origins}: name the one that is meant as {first.value}"
-        )
+        offers = " and ".join(sorted(f"{origin_of(point)} ({point.value})" for point in points))
+        raise InvalidArgumentError("controller", f"'{first.name}' is offered by {offers}: give one as module:class")
     try:
-        return import_law(f"{first.module}:{first.attr}")
+        return import_law(f"{first.module}:{first.attr or ''}")
     except (InvalidArgumentError, UnknownNameError) as error:
-        raise InvalidArgumentError("controller", f"'{first.name}' of {origin_of(first)}: {error}") from error
+        problem = str(error).removeprefix("controller: ")
+        raise InvalidArgumentError("controller", f"'{first.name}' of {origin_of(first)}: {problem}") from error
