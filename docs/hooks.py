@@ -9,6 +9,8 @@ from typing import Any
 from latex2mathml.converter import convert
 
 import phcontrol
+from phcontrol.analysis.advice import ADVICE
+from phcontrol.controllers.registry import CONTROLLERS
 
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
 ROLE = re.compile(r":(?:class|func|meth):<code>(?P<name>[\w.]+)</code>")
@@ -16,7 +18,8 @@ NAMES = re.compile(r"\{\{ names of (?P<folder>\w+) \}\}")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace ``{{ names of FOLDER }}`` by the documentation of every public name that is defined there."""
+    """Replace ``{{ names of FOLDER }}`` by the documentation of every public name that is defined there, and tables."""
+    markdown = markdown.replace("{{ table of laws }}", laws_table()).replace("{{ table of advice }}", advice_table())
     return NAMES.sub(_names, markdown)
 
 
@@ -25,12 +28,32 @@ def on_page_content(content: str, **_: Any) -> str:
     return ROLE.sub(_link, FORMULA.sub(_mathml, content))
 
 
+def laws_table() -> str:
+    """Return every law of the registry as a table."""
+    rows = [
+        f"| `{name}` | {entry.summary} | {entry.source} | {entry.needs} | {', '.join(entry.law.forms)} |"
+        for name, entry in CONTROLLERS.items()
+    ]
+    return "\n".join(["| law | does | from | needs | forms of J̄₂ |", "|---|---|---|---|---|", *rows])
+
+
+def advice_table() -> str:
+    """Return what each failed line of a certificate means as a table."""
+    rows = [f"| {name} | {text} |" for name, text in ADVICE.items()]
+    return "\n".join(["| line | means |", "|---|---|", *rows])
+
+
 def _names(match: re.Match[str]) -> str:
     prefix = f"phcontrol.{match['folder']}"
     names = [
         name for name in phcontrol.__all__ if getattr(getattr(phcontrol, name), "__module__", "").startswith(prefix)
     ]
-    return "\n\n".join(f"::: phcontrol.{name}" for name in sorted(names, key=str.lower))
+    pages = [f"::: phcontrol.{name}" for name in sorted(names, key=str.lower)]
+    if match["folder"] == "controllers":  # laws that are in the registry alone
+        public = [getattr(phcontrol, name) for name in names]
+        laws = dict.fromkeys(entry.law for entry in CONTROLLERS.values() if entry.law not in public)
+        pages += [f"::: {law.__module__}.{law.__qualname__}" for law in laws]
+    return "\n\n".join(pages)
 
 
 def _link(match: re.Match[str]) -> str:

@@ -16,10 +16,20 @@ from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
-from phcontrol.controllers.parameters import Flag, Gain, Matrix, NonNegative, Parameter, Positive, Vector
+from phcontrol.controllers.law_error import LawError
+from phcontrol.controllers.parameters import (
+    Flag,
+    Gain,
+    Matrix,
+    NonNegative,
+    Parameter,
+    Positive,
+    PositiveVector,
+    Vector,
+)
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.reduction_servo import ReductionServo
-from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.registry import CONTROLLERS, make_controller, register
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import Target
@@ -155,6 +165,7 @@ __all__ = [
     "JointContact",
     "JointForce",
     "JointSpring",
+    "LawError",
     "LimitReport",
     "Limits",
     "LiveView",
@@ -180,6 +191,7 @@ __all__ = [
     "Pose",
     "PositionPotential",
     "Positive",
+    "PositiveVector",
     "Posture",
     "Potential",
     "PowerBalance",
@@ -241,6 +253,7 @@ __all__ = [
     "reach",
     "read_frame_path",
     "record",
+    "register",
     "resolved_motion",
     "simulate",
     "within_limits",

@@ -28,6 +28,8 @@ def decimal(text: str) -> float | None:
 
 def finite_array(name: str, value: ArrayLike) -> Array:
     """Return a read-only float64 copy of ``value``, or say what about it is not a finite array."""
+    if isinstance(value, str):
+        raise InvalidArgumentError(name, f"must be an array of real numbers, but is '{value}'")
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "iufb":
@@ -76,6 +78,14 @@ def per_joint(name: str, value: ArrayLike, size: int) -> Array:
     """Return a number for all joints, or a vector of one each, as a finite read-only vector of length ``size``."""
     array = finite_array(name, value)
     return vector(name, np.full(size, array) if array.ndim == 0 else array, size)
+
+
+def positive_vector(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a number > 0 for all joints, or a vector of one each, as a finite read-only vector of length ``size``."""
+    array = per_joint(name, value, size)
+    if not (array > 0.0).all():
+        raise InvalidArgumentError(name, f"must be > 0, but its smallest entry is {array.min():g}")
+    return array
 
 
 def sequence(name: str, values: Any, kind: str, *attributes: str) -> tuple[Any, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,8 @@ from phcontrol.controllers.registry import CONTROLLERS
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
-SEPARATE = [page for page in PAGES if page != TUTORIAL]
+OWN_LAW = ROOT / "docs" / "own-law.md"
+SEPARATE = [page for page in PAGES if page not in (TUTORIAL, OWN_LAW)]
 SNIPPETS = [
     pytest.param(snippet, id=f"{page.name}-{number}")
     for page in SEPARATE
@@ -28,6 +31,9 @@ COMMANDS = [
     for line in block.splitlines()
     if line.startswith("phcontrol ")
 ]
+
+
+LAW = re.compile(r"`([a-z_]+)`")
 
 
 @pytest.mark.parametrize("snippet", SNIPPETS)
@@ -60,9 +66,54 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert Path("position.html").exists()
 
 
-def test_every_law_is_in_the_readme():
+def test_the_page_on_ones_own_law_runs_from_top_to_bottom(tmp_path, monkeypatch):
+    """Blocks with a title are written to that file, one after another."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "my_laws", raising=False)
+    monkeypatch.setattr("phcontrol.controllers.registry.CONTROLLERS", CONTROLLERS.copy())
+    count = 0
+    for language, title, block in re.findall(
+        r"```(python|sh)(?: title=\"(.*?)\")?\n(.*?)```", OWN_LAW.read_text(), re.DOTALL
+    ):
+        count += 1
+        if title:
+            with Path(title).open("a") as file:
+                file.write(block + "\n\n")
+            sys.modules.pop("my_laws", None)
+        elif language == "python":
+            exec(compile(block, "own-law", "exec"), {"__name__": "__main__"})
+        else:
+            for line in block.splitlines():
+                result = CliRunner().invoke(app, shlex.split(line)[1:])
+                assert result.exit_code == 0, result.output
+    assert count == 7
+    monkeypatch.delitem(sys.modules, "my_laws")
+
+
+def test_laws_that_the_documentation_names_exist_as_it_says():
+    """Its tables may leave laws out, which ``phcontrol controllers`` lists, but not name others."""
     text = (ROOT / "README.md").read_text()
-    assert [name for name in CONTROLLERS if f"`{name}`" not in text] == []
+    rows = re.findall(r"^\| `(\w+)` \|", text.split("## Controllers")[1].split("##")[0], re.MULTILINE)
+    assert len(rows) > 5
+    assert [name for name in rows if name not in CONTROLLERS] == []
+    choosing = (ROOT / "docs" / "choosing-a-controller.md").read_text().split("## Gains")[0]
+    named = [name for row in re.findall(r"^\|[^|]+\|([^|]+)\|", choosing, re.MULTILINE) for name in LAW.findall(row)]
+    assert len(named) > 5
+    assert [name for name in named if name not in CONTROLLERS] == []
+
+
+def test_the_site_lists_every_law_and_every_line_of_a_certificate():
+    from phcontrol.analysis.advice import ADVICE
+
+    spec = importlib.util.spec_from_file_location("hooks", ROOT / "docs" / "hooks.py")
+    hooks = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hooks)
+    laws = hooks.on_page_markdown((ROOT / "docs" / "api" / "controllers.md").read_text())
+    assert [name for name in CONTROLLERS if f"| `{name}` |" not in laws] == []
+    assert [entry.law for entry in CONTROLLERS.values() if f".{entry.law.__name__}\n" not in laws + "\n"] == []
+    advice = hooks.on_page_markdown((ROOT / "docs" / "choosing-a-controller.md").read_text())
+    assert [name for name in ADVICE if f"| {name} |" not in advice] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from phcontrol import MechanicalSystem, RobotDescriptionError, certify, load_robot
+from phcontrol.runs.certificate_survey import every_arm
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -44,8 +48,34 @@ def test_own_controller(tmp_path, monkeypatch):
     assert it["certificate"].passed
     assert np.abs(it["log"].position[-1] - it["goal"]).max() < 1e-4
     assert (np.diff(it["log"].storage) <= 1e-9).all()
-    law = EXAMPLES.joinpath("own_controller.py").read_text().split("class ")[1].split("\n\n\n")[0]
-    assert len([line for line in law.splitlines() if line.strip()]) <= 31
+    (law,) = [node for node in ast.parse(EXAMPLES.joinpath("own_controller.py").read_text()).body
+              if isinstance(node, ast.ClassDef)]  # fmt: skip
+    statements = [line for method in law.body if isinstance(method, ast.FunctionDef) for line in method.body]
+    assert len(statements) <= 8
+
+
+CATALOGUE = [name for name in every_arm() if name not in ("tiago", "tiago_dual")]  # 48 and 101 joints take long
+REFUSED = {"bravo7_gripper", "alex_psyonic_hands"}  # descriptions that are broken
+
+
+@pytest.mark.parametrize("arm", CATALOGUE)
+@pytest.mark.filterwarnings("ignore::phcontrol.RobotDescriptionWarning")
+def test_the_law_of_the_example_runs_on_every_arm(arm, monkeypatch):
+    """Without friction and with it, with prismatic, continuous and mimic joints."""
+    law = runpy.run_path(str(EXAMPLES / "own_controller.py"), run_name="own_controller")["BoundedSpring"]
+    if arm in REFUSED:
+        with pytest.raises(RobotDescriptionError):
+            MechanicalSystem(load_robot(arm))
+        return
+    system = MechanicalSystem(load_robot(arm))
+    made = law.tuned(system, system.robot.near_home())
+    certificate = certify(made, samples=4)
+    assert certificate.passed, str(certificate)
+    assert certificate.matching_residual < 1e-8
+    x = system.at(system.robot.home)  # at rest the torque is what the docstring says
+    expected = x.potential_gradient - made.stiffness * 0.2 * np.tanh((x.position - made.goal) / 0.2)
+    torque = made.evaluate(0.0, x, np.zeros(0)).torque
+    np.testing.assert_allclose(x.input_matrix @ torque, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
 
 
 def test_own_urdf(tmp_path, monkeypatch):

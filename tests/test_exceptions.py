@@ -16,6 +16,7 @@ import phcontrol
 from phcontrol import (
     DataFileError,
     InvalidArgumentError,
+    LawError,
     MissingMeasurementError,
     NonFiniteTorqueError,
     ObjectLostError,
@@ -42,6 +43,7 @@ def log():
 EXAMPLES = {
     PHControlError: lambda: PHControlError("something"),
     InvalidArgumentError: lambda: InvalidArgumentError("gain", "must be > 0"),
+    LawError: lambda: LawError("law", "law.py:3", ValueError("wrong")),
     UnknownNameError: lambda: UnknownNameError("joint", "elbo", ["elbow", "wrist"], " of arm"),
     RobotDescriptionError: lambda: RobotDescriptionError("arm.urdf, line 3: wrong"),
     MissingMeasurementError: lambda: MissingMeasurementError("law", "force"),

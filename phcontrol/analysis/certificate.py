@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from phcontrol._validation import choice
+from phcontrol.analysis.advice import ADVICE
 
 MATCHING_TOLERANCE = 1e-6
 """On the matching and gradient residuals: finite differences of fourth order leave about 1e-10."""
@@ -51,7 +52,11 @@ class Check:
 
     def __str__(self) -> str:
         line = f"  {self.name:<40}{self.value:>11.2e}  {self.relation} {self.bound:<8.0e} "
-        return line + ("ok" if self.passed else f"FAILED{' at ' + self.where if self.where else ''}")
+        if self.passed:
+            return line + "ok"
+        advice = f"\n      {ADVICE[self.name]}" if self.name in ADVICE else ""
+        at = "" if not self.where else " " if self.where.startswith("at ") else " at "
+        return f"{line}FAILED{at}{self.where}{advice}"
 
 
 @dataclass(frozen=True)

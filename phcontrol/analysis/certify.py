@@ -38,10 +38,12 @@ from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler
 from phcontrol.analysis.thin_states import SLIDING
 from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller, check_loop
+from phcontrol.controllers.law_error import place_of
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import measure_truly
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.simulation_error import SimulationError
 
 SAMPLES = 256
 """How many states a certificate looks at by default."""
@@ -129,13 +131,14 @@ class _Examination:
                 units = NaturalUnits.of(acting, self._plant, time)
                 rests += [find_rest(acting, self._plant, units, *where) for where in _places(acting, self._plant, time)]
             states = self._draw(rests[0])
-            self._checks += self._matching(states, rests[0])
-            self._checks += self._contract(states)
-            self._checks += self._rest(rests)
+            for checks in (self._matching(states, rests[0]), self._contract(states), self._rest(rests)):
+                for check in checks:  # one by one: those before an error are kept
+                    self._checks.append(check)
             conditions = _conditions(law, log)
         except Exception as problem:
-            place = f" at {described(self._at)}" if self._at else ""
-            error = f"{type(problem).__name__}: {problem}{place}"
+            where = f" at {described(self._at)}" if self._at else ""
+            line = place_of(problem, type(law))
+            error = f"{type(problem).__name__}: {problem}{f' ({line})' if line else ''}{where}"
         return Certificate(
             controller=law.name,
             robot=self._plant.robot.name,
@@ -166,7 +169,14 @@ class _Examination:
 
     def _matching(self, states: list[SampledState], rest: RestPoint) -> Iterator[Check]:
         law, plant = self._law, self._plant
-        followed, logs = run_states(law, plant, self._units, rest) if self._samples >= FEW else ([], [])
+        followed: list[SampledState] = []
+        logs: list[Log] = []
+        broken = None
+        try:
+            if self._samples >= FEW:
+                followed, logs = run_states(law, plant, self._units, rest)
+        except SimulationError as error:  # what the states say comes first
+            broken = error
         figures = []
         for state in [*states, *followed]:
             self._at = state
@@ -184,6 +194,8 @@ class _Examination:
         ):
             worst = _largest(looked_at, values)
             yield Check.at_most(name, worst.value, STRUCTURE_TOLERANCE, worst.where)
+        if broken is not None:
+            raise broken
         yield Check.at_most(GROWTH, growth.value, MATCHING_TOLERANCE, growth.where)
         jump, where = largest_jump(law, plant, states)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -64,13 +64,16 @@ class StateFigures(NamedTuple):
     """Largest difference of ``target().coordinates`` from ``coordinates()``."""
     moves_momentum: float
     """By how much what drives the law enters rows that depend on the velocity: as a torque, which it must not."""
+    parts: Mapping[str, slice]
+    """Where in the rows the target's parts are, by name."""
 
 
 def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> StateFigures:
     """Return the figures of one state."""
     flow = Flow(law, plant, at)
     seen = flow.start
-    target = seen.promise()
+    stated = seen.target()
+    target = Promise.of(stated, plant.n)
     promised, driven = target.rate(at.force), target.driven
     terms = np.abs(target.J - target.R) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
     terms += np.abs(driven)
@@ -105,6 +108,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         mislabelled=_relative(np.abs(seen.coordinates() - target.coordinates), np.abs(target.coordinates)),
         drive_power=float(target.gradient @ driven),
         moves_momentum=_momentum_driven(seen, target),
+        parts=stated.parts,
     )
 
 
@@ -119,15 +123,18 @@ def worst_residual(states: Sequence[SampledState], figures: Sequence[StateFigure
     sizes = {len(each.residual) for each in figures}
     unit = {size: np.maximum(_usual(figures, size), _ROUNDING * largest) for size in sizes}
     return Worst.of(
-        _largest_row(each.residual / np.maximum(each.terms, unit[len(each.residual)]), described(state))
+        _largest_row(each.residual / np.maximum(each.terms, unit[len(each.residual)]), each.parts, described(state))
         for state, each in zip(states, figures, strict=True)
         if len(each.residual)
     )
 
 
-def _largest_row(relative: Array, where: str) -> tuple[float, str]:
+def _largest_row(relative: Array, parts: Mapping[str, slice], where: str) -> tuple[float, str]:
     row = int(np.argmax(np.where(np.isnan(relative), np.inf, relative)))
-    return float(relative[row]), f"row {row + 1} of {len(relative)}, {where}"
+    named = (
+        f" ('{name}', entry {row - part.start + 1})" for name, part in parts.items() if part.start <= row < part.stop
+    )
+    return float(relative[row]), f"row {row + 1} of {len(relative)}{next(named, '')}, {where}"
 
 
 def worst_power(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.target import Target
+from phcontrol.controllers.target import Target, check_target
 from phcontrol.exceptions import InvalidArgumentError
 
 
@@ -25,8 +25,7 @@ class Promise(NamedTuple):
     @classmethod
     def of(cls, target: Target, n: int) -> Promise:
         """Return a target's numbers. Raises InvalidArgumentError where they have wrong shapes or are not finite."""
-        if not isinstance(target, Target):
-            raise InvalidArgumentError("target", f"must be a Target, but is {type(target).__name__}")
+        check_target(target)
         coordinates = _numbers("coordinates", target.coordinates, None)
         size = coordinates.size
         drive = target.drive

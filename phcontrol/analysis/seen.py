@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, number
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.controllers.command import Command
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, stored
+from phcontrol.controllers.target import Target, check_target
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
@@ -43,8 +44,9 @@ class Seen:
         return self.law.evaluate(self.at.time, self.view, self.at.state, self.measured)
 
     def stored(self) -> float:
-        """Return H_d [J]."""
-        return self.law.storage(self.at.time, self.view, self.at.state, self.measured)
+        """Return H_d [J]. Raises InvalidArgumentError unless it is a finite number."""
+        value = self.law.storage(self.at.time, self.view, self.at.state, self.measured)
+        return number("storage", stored(value))
 
     def coordinates(self) -> Array:
         """Return the target's coordinates."""
@@ -52,7 +54,13 @@ class Seen:
 
     def promise(self) -> Promise:
         """Return the target's numbers."""
-        return Promise.of(self.law.target(self.at.time, self.view, self.at.state, self.measured), self.view.system.n)
+        return Promise.of(self.target(), self.view.system.n)
+
+    def target(self) -> Target:
+        """Return the target as the law states it."""
+        target = self.law.target(self.at.time, self.view, self.at.state, self.measured)
+        check_target(target)
+        return target
 
 
 def largest_difference(before: Sequence[Array], after: Sequence[Array]) -> float:

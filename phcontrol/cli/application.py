@@ -12,7 +12,7 @@ import typer
 from phcontrol._version import __version__
 from phcontrol.cli.certify import certify
 from phcontrol.cli.controllers import controllers
-from phcontrol.cli.errors import reports_errors
+from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_law import law_command
@@ -21,6 +21,7 @@ from phcontrol.cli.run_servo import servo
 from phcontrol.cli.run_study import study_command
 from phcontrol.cli.run_track import track
 from phcontrol.cli.view import view
+from phcontrol.controllers.own_laws import installed_laws, origin_of
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.thesis.registry import STUDIES
@@ -42,12 +43,15 @@ app.add_typer(run_app, name="run")
 
 @app.callback(invoke_without_command=True)
 def version_option(
-    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="End an error with Python's traceback.")] = False,
 ) -> None:
     """Energy-based control of robot arms, with a certificate for every controller."""
     for stream in (sys.stdout, sys.stderr):  # a file's name may hold what is no text
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    DEBUG[:] = ["--debug"] if debug else []
     if version:
         typer.echo(f"phcontrol {__version__}")
         raise typer.Exit
@@ -70,6 +74,10 @@ for _name, _entry in CONTROLLERS.items():
         help=f"Run an arm under {_name}: {_entry.summary}.",
         short_help=f"law: {_entry.summary}",
     )
+for _name, _points in installed_laws().items():  # nothing of them is imported before it is asked for
+    if _name not in CONTROLLERS:
+        _text = f"a law of {origin_of(_points[0])}"
+        _add(run_app, _name, law_command(_name, position), help=f"Run an arm under {_name}, {_text}.", short_help=_text)
 for _name, _study in STUDIES.items():
     _add(
         run_app,

@@ -12,9 +12,12 @@ from phcontrol._validation import choice
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.analysis.certify import certify as make_certificate
 from phcontrol.cli.arm import system_of
+from phcontrol.cli.errors import say_error
+from phcontrol.cli.laws import CONTROLLER_HELP, law_of
 from phcontrol.cli.options import ArmatureOption, JsonOption, LockOption, SetOption
 from phcontrol.cli.texts import settings_of
-from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.law_error import LawError, errors_of
+from phcontrol.controllers.registry import CONTROLLERS, Entry, all_laws, make_controller
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.runs.certificate_survey import SurveyRow, every_arm, markdown, survey
 
@@ -22,7 +25,7 @@ ALL_FORMS = tuple(dict.fromkeys(form for entry in CONTROLLERS.values() for form 
 
 
 def certify(
-    controller: Annotated[str, typer.Option(help="A law, or 'all'.")] = "all",
+    controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}; or 'all'.")] = "all",
     robot: Annotated[
         str, typer.Option(help="As in 'run', or 'all': every arm that can be named, a table of matching residuals.")
     ] = "pera",
@@ -35,27 +38,30 @@ def certify(
     as_json: JsonOption = False,
 ) -> None:
     """Hold a law's promise against the arm's true motion, at states where laws go wrong. Exit code 1 if it fails."""
-    names = list(CONTROLLERS) if controller == "all" else [choice("controller", controller, CONTROLLERS)]
+    laws = _laws(controller)
+    known = _forms(laws)
     if interconnection != "all":
-        choice("interconnection", interconnection, ALL_FORMS)
-        names = [name for name in names if len(names) == 1 or interconnection in CONTROLLERS[name].law.forms]
+        choice("interconnection", interconnection, known)
+        laws = {name: entry for name, entry in laws.items() if len(laws) == 1 or interconnection in entry.law.forms}
     if robot == "all":
         if lock or armature is not None or settings:
             raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
-        _certify_every_arm(names, interconnection, samples, seed, as_json)
+        _certify_every_arm(laws, interconnection, samples, seed, as_json)
         return
     system, options = system_of(robot, lock, armature), settings_of(settings, "interconnection")
-    labelled, left_out = [], []
-    for name in names:
-        forms = CONTROLLERS[name].law.forms if interconnection == "all" else (interconnection,)
+    labelled, left_out, broken = [], [], False
+    for name, entry in laws.items():
+        forms = entry.law.forms if interconnection == "all" else (interconnection,)
         try:
-            laws = [make_controller(name, system, interconnection=form, **options) for form in forms]
-        except InvalidArgumentError as error:
+            with errors_of(name, entry.law):
+                made = [make_controller(name, system, interconnection=form, **options) for form in forms]
+        except (InvalidArgumentError, LawError) as error:
             if controller != "all" or settings:
                 raise
             left_out.append(f"{name} is not for this arm: {error}")
+            broken = broken or isinstance(error, LawError)
             continue
-        labelled += [(name, make_certificate(law, system, samples=samples, seed=seed)) for law in laws]
+        labelled += [(name, make_certificate(law, system, samples=samples, seed=seed)) for law in made]
     if as_json:
         typer.echo(json.dumps([item.to_dict() | {"law": label} for label, item in labelled], indent=2))
     elif len(labelled) == 1:
@@ -71,16 +77,34 @@ def certify(
             )
         for line in left_out:
             typer.echo(line)
-    if not all(item.passed for _, item in labelled):
+    for label, item in labelled:
+        if item.error:
+            say_error(f"{label} ({item.interconnection}) raised {item.error}")
+    if broken or not all(item.passed for _, item in labelled):
         raise typer.Exit(1)
 
 
-def _certify_every_arm(names: list[str], form: str, samples: int, seed: int, as_json: bool) -> None:
+def _laws(controller: str) -> dict[str, Entry]:
+    """Return the laws that --controller names."""
+    if controller != "all":
+        return {controller: law_of(controller)}
+    laws, problems = all_laws()
+    for problem in problems:
+        say_error(problem)
+    return laws
+
+
+def _forms(laws: dict[str, Entry]) -> tuple[str, ...]:
+    """Return every form of J̄₂ that some of the laws know."""
+    return tuple(dict.fromkeys(form for entry in laws.values() for form in entry.law.forms))
+
+
+def _certify_every_arm(laws: dict[str, Entry], form: str, samples: int, seed: int, as_json: bool) -> None:
     rows = []
-    forms = [each for each in ALL_FORMS if any(each in CONTROLLERS[name].law.forms for name in names)]
+    forms = list(_forms(laws))
 
     def surveyed() -> Iterator[SurveyRow]:
-        for row in survey(every_arm(), names, form=form, samples=samples, seed=seed):
+        for row in survey(every_arm(), list(laws), form=form, samples=samples, seed=seed):
             rows.append(row)
             yield row
 

@@ -8,7 +8,10 @@ from typing import Any
 
 import typer
 
+from phcontrol.cli.errors import say_error
+from phcontrol.cli.laws import law_of
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
+from phcontrol.controllers.law_error import errors_of
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.position import PositionRun, run_position
 from phcontrol.simulation.simulation_error import SimulationError
@@ -18,18 +21,25 @@ def run_and_write(
     system: MechanicalSystem,
     folder: Path,
     showing: Showing,
+    *,
+    controller: str,
     study: Callable[..., PositionRun] = run_position,
     **arguments: Any,
 ) -> None:
     """Run, print the summary, write and show the results; exit code 1 when the certificate failed."""
     check_writable(folder, showing.record)
+    law = law_of(controller).law
     with watching(showing) as watch:
-        result = _run(study, system, folder, watch=watch, **arguments)
-        typer.echo(result.summary())
+        with errors_of(controller, law):
+            result = _run(study, system, folder, watch=watch, controller=controller, **arguments)
+            summary = result.summary()
+        typer.echo(summary)
         typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(folder)))
         record_logs({"": result.log}, showing.record)
         if watch is not None:
             watch.linger(result.log)
+    if result.certificate.error:
+        say_error(f"{controller} raised {result.certificate.error}")
     if not result.certificate.passed:
         raise typer.Exit(1)
 

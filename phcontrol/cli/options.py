@@ -26,7 +26,12 @@ ReachOption = Annotated[
 FrameOption = Annotated[str | None, typer.Option(help="The frame of --reach. Default: the tool, or the last frame.")]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", help="A gain or option of the law; may be repeated.", metavar="NAME=VALUE"),
+    typer.Option(
+        "--set",
+        help="A gain or option of the law: a number, a word, true, false, None, a list like 1,2, or rows like "
+        "'1,0; 0,1'. May be repeated.",
+        metavar="NAME=VALUE",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ViewOption = Annotated[bool, typer.Option("--view", help="Watch in a browser, at the pace of the clock.")]

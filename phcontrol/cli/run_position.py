@@ -9,6 +9,7 @@ import typer
 
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
@@ -30,7 +31,7 @@ from phcontrol.simulation.integrators import INTEGRATORS
 
 def position(
     controller: Annotated[
-        str, typer.Option(help="A law that holds a position; see 'phcontrol controllers'.")
+        str, typer.Option(help=f"A law that holds a position: {CONTROLLER_HELP}.")
     ] = "force_feedback",
     robot: RobotOption = "pera",
     interconnection: FormOption = "coriolis",

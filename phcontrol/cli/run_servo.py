@@ -9,6 +9,7 @@ import typer
 
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli.arm import system_of
+from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
@@ -27,7 +28,9 @@ from phcontrol.runs.servo import run_servo
 
 def servo(
     robot: RobotOption = "pera",
-    controller: Annotated[str, typer.Option(help="reduction_servo or hamiltonian_servo.")] = "hamiltonian_servo",
+    controller: Annotated[
+        str, typer.Option(help=f"A law that steers by an image: {CONTROLLER_HELP}.")
+    ] = "hamiltonian_servo",
     interconnection: FormOption = "coriolis",
     start: Annotated[
         str, typer.Option(help="Where the object is in the image at home: mu,nu,l [m].")

@@ -13,10 +13,10 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, vector
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.declared import Declared, Plant
-from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.parameters import REQUIRED, Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Target
+from phcontrol.controllers.target import MOMENTUM, Target, check_target
 from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
 from phcontrol.mechanics import kernels
@@ -28,6 +28,7 @@ from phcontrol.vision.scene import Eyes, Scene
 Law = TypeVar("Law", bound="Controller")
 
 _finite_copy = kernels.finite_copy
+_SHIFT_TOLERANCE = 1e-9  # of what p̂ is made of: a θ that does not depend on q̇ leaves rounding
 _STEP = 1e-3  # of the arm's motion [rad], over which θ is differentiated where a law does not state its rate
 
 
@@ -83,6 +84,8 @@ class Controller(Declared, ABC):
     if not TYPE_CHECKING:  # for type checkers it follows from the declarations
 
         def __init__(self, system: MechanicalSystem, **arguments: Any) -> None:
+            if not isinstance(getattr(self, "name", None), str):
+                raise InvalidArgumentError("name", f'of {type(self).__name__} is missing: a law needs name = "..."')
             choice("interconnection", arguments.get("interconnection", INTERCONNECTIONS[0]), self.forms)
             super().__init__(system, **arguments)
 
@@ -127,9 +130,13 @@ class Controller(Declared, ABC):
     # --- what follows from that; a law may state it in closed form instead -------------------------
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """Return the desired dynamics of p̂; here derived from the target, θ̇ by finite differences along the flow."""
+        """Return the desired dynamics of p̂; here derived from the target, θ̇ by finite differences along the flow.
+
+        Raises InvalidArgumentError where p̂ − p̄ depends on q̇: then the torque does not follow from the target so.
+        """
         force = self._felt(x, measured)
         target = self.target(t, x, state, measured)
+        check_target(target)
         rate = target.rate(force)
         state_rate = self._own(target, rate)
         h = _STEP / max(1.0, float(np.abs(x.velocity).max(initial=0.0)))
@@ -140,8 +147,24 @@ class Controller(Declared, ABC):
             later = self.measured_along(x, measured, step)
             return self.target(t + step, there, state + step * state_rate, later).momentum
 
+        self._check_shift(x, target.momentum, shift(0.0))
         effort = rate[target.parts[MOMENTUM]] - central_difference(shift, h) - x.transformed_rate(np.zeros(x.system.n))
         return Shaping(x.factor.dot(effort), cancelled_force=force, state_rate=state_rate)
+
+    def _check_shift(self, x: MechanicalState, momentum: Array, shift: Array) -> None:
+        """Raise InvalidArgumentError unless p̂ is p̄ plus what it is of an arm at rest, θ."""
+        if momentum.shape != (x.system.n,):
+            raise InvalidArgumentError(
+                "target", f"of {self.name} must have a momentum of shape ({x.system.n},), but it has {momentum.shape}"
+            )
+        change = np.abs(momentum - x.transformed_momentum - shift)
+        scale = np.abs(momentum) + np.abs(x.transformed_momentum) + np.abs(shift)
+        if change.max(initial=0.0) > _SHIFT_TOLERANCE * scale.max(initial=0.0):
+            raise InvalidArgumentError(
+                "target",
+                f"of {self.name} must have the momentum p̂ = p̄ + θ(q, state, t), p̄ = x.transformed_momentum, but "
+                f"p̂ − p̄ changes with q̇, by up to {change.max():.2g}. Take the velocity out of it, or state shape()",
+            )
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return the coordinates x that the target is written in."""
@@ -172,9 +195,16 @@ class Controller(Declared, ABC):
 
     def _own(self, target: Target, rate: Array) -> Array:
         """Return the rows of the law's own state."""
-        missing = [name for name in self.states if name not in target.parts]
-        if missing:
-            raise InvalidArgumentError("target", f"of {self.name} has no part '{missing[0]}', which is a state of it")
+        for name, size in self.state_parts.items():
+            if name not in target.parts:
+                raise InvalidArgumentError(
+                    "target", f"of {self.name} has no part '{name}', which is a state of it; it has {_listed(target)}"
+                )
+            part = target.parts[name]
+            if part.stop - part.start != size:
+                raise InvalidArgumentError(
+                    "target", f"of {self.name}: part '{name}' must have length {size}, but has {part.stop - part.start}"
+                )
         return np.concatenate([np.zeros(0), *(rate[target.parts[name]] for name in self.states)])
 
     # --- the law's own state ------------------------------------------------------------------------
@@ -347,11 +377,15 @@ class Controller(Declared, ABC):
             wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
         """
         tuning = cls.tuning(system, goal, **wish)
-        return {
+        made = {
             name: parameter.tuned(tuning)
             for name, parameter in cls.parameters.items()
             if parameter.tuned is not None and name not in given
         }
+        own_goal = cls.parameters.get("goal")
+        if own_goal is not None and own_goal.default is REQUIRED and own_goal.tuned is None and "goal" not in given:
+            made["goal"] = goal  # what is asked for is never dropped
+        return made
 
     @classmethod
     def tuned(
@@ -382,11 +416,31 @@ class Controller(Declared, ABC):
                 raise UnknownNameError("option", name, known, f" of {cls.name}")
         checked_goal = cls.check_goal(system, goal)
         gains = cls.default_gains(system, checked_goal, given=options, bandwidth=bandwidth, damping_ratio=damping_ratio)
+        for name, parameter in cls.parameters.items():
+            if parameter.default is REQUIRED and name not in gains and name not in options:
+                raise InvalidArgumentError(
+                    name, f"of {cls.name} has no value for this arm: give one, or declare it with tuned= or default="
+                )
         return cls(system, **(gains | options))
+
+
+def _listed(target: Target) -> str:
+    return ", ".join(f"'{name}'" for name in target.parts) or "no named parts"
+
+
+def stored(value: Any) -> float:
+    """Return what a law states as H_d. Raises InvalidArgumentError unless it is one real number."""
+    if np.ndim(value) or isinstance(value, complex) or not isinstance(value, (float, int, np.number)):
+        what = f"has shape {np.shape(value)}" if np.ndim(value) else f"is {value!r}"
+        raise InvalidArgumentError("storage", f"must be a number [J], but {what}")
+    return float(value)
 
 
 def check_loop(controller: object, system: object) -> None:
     """Raise InvalidArgumentError unless these are a Controller and a MechanicalSystem."""
     if not isinstance(controller, Controller):
         raise InvalidArgumentError("controller", f"must be a Controller, but is {type(controller).__name__}")
+    if not isinstance(getattr(controller, "system", None), MechanicalSystem):
+        message = f"must have a system: the constructor of {type(controller).__name__} must call that of Controller"
+        raise InvalidArgumentError("controller", message)
     check_system(system)

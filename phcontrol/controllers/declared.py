@@ -13,6 +13,7 @@ from phcontrol.controllers.parameters import (
     NonNegative,
     Parameter,
     Positive,
+    PositiveVector,
     Vector,
 )
 from phcontrol.exceptions import InvalidArgumentError
@@ -36,7 +37,7 @@ class Plant(Parameter[MechanicalSystem, MechanicalSystem]):
 
 @dataclass_transform(
     kw_only_default=True,
-    field_specifiers=(Parameter, Gain, Matrix, Vector, Positive, NonNegative, Flag, Plant),
+    field_specifiers=(Parameter, Gain, Matrix, Vector, Positive, PositiveVector, NonNegative, Flag, Plant),
 )
 class Declared:
     """Base of what is made from a system and declared keyword arguments.

@@ -87,6 +87,14 @@ class Vector(Parameter[ArrayLike, Array]):
         return _validation.vector(name, value, system.n)
 
 
+class PositiveVector(Parameter[ArrayLike, Array]):
+    """A number above zero for each joint; a scalar stands for all."""
+
+    def check(self, name: str, value: Any, system: MechanicalSystem) -> Array:
+        """Return the vector."""
+        return _validation.positive_vector(name, value, system.n)
+
+
 class Positive(Parameter[float, float]):
     """A number above zero."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import choice
+from phcontrol._validation import choice, count, text
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
@@ -16,9 +16,11 @@ from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.own_laws import check_law, import_law, installed_laws, load_law, origin_of
 from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
+from phcontrol.exceptions import InvalidArgumentError, PHControlError, UnknownNameError
 from phcontrol.mechanics.system import MechanicalSystem
 
 
@@ -33,6 +35,8 @@ class Entry:
     options: dict[str, Any] = field(default_factory=dict)
     minimum_joints: int = 1
     """How many joints an arm needs for the law."""
+    origin: str = "phcontrol"
+    """The package, or the module, that the law comes from."""
 
 
 CONTROLLERS: dict[str, Entry] = {
@@ -109,6 +113,105 @@ CONTROLLERS: dict[str, Entry] = {
 }
 
 
+def register(
+    name: str,
+    law: type[Controller],
+    summary: str = "",
+    source: str = "",
+    *,
+    needs: str = "q, q̇",
+    options: dict[str, Any] | None = None,
+    minimum_joints: int = 1,
+) -> None:
+    """Give a law of one's own a name, by which ``make_controller``, runs and certificates then know it.
+
+    A class that is defined again, as in a notebook, takes its own place.
+
+    Args:
+        name: what it will be called; it must be free.
+        law: its class.
+        summary: what it does, in a line; by default the first line of its docstring.
+        source: where it comes from: a theorem, a paper; by default its module.
+        needs: what it needs measured, in words.
+        options: arguments that make it the variant of this name.
+        minimum_joints: how many joints an arm needs for it.
+
+    Raises:
+        InvalidArgumentError: the name is taken, or the law cannot be made: it is no subclass of Controller, has no
+            name, or does not state its storage and target.
+
+    Example:
+        >>> from phcontrol import CONTROLLERS, EnergyShaping, register
+        >>> class Stiff(EnergyShaping):
+        ...     name = "stiff"
+        >>> register("stiff", Stiff, "holds a position, stiffly")
+        >>> CONTROLLERS.pop("stiff").summary
+        'holds a position, stiffly'
+    """
+    checked = check_law("law", law)
+    if ":" in text("name", name):
+        raise InvalidArgumentError("name", f"must have no colon, which stands for a module and a class: '{name}'")
+    taken = CONTROLLERS.get(name)
+    if taken is not None and (taken.law.__module__, taken.law.__qualname__) != (law.__module__, law.__qualname__):
+        raise InvalidArgumentError("name", f"'{name}' is taken by {taken.law.__qualname__} of {taken.origin}")
+    for option in options or {}:
+        if option not in checked.parameters:
+            raise UnknownNameError("option", option, checked.parameters, f" of {name}")
+    CONTROLLERS[name] = Entry(
+        checked,
+        summary or _summary(checked),
+        source or law.__module__,
+        needs,
+        dict(options or {}),
+        count("minimum_joints", minimum_joints),
+        law.__module__,
+    )
+
+
+def find_law(name: str, folder: str | None = None) -> Entry:
+    """Return a law by its name: a registered one, one that an installed package offers, or "my_module:MyLaw".
+
+    Args:
+        name: of the law.
+        folder: where modules are looked for before anywhere else, for instance the working directory.
+
+    Raises:
+        UnknownNameError: there is none; lists those that exist.
+        InvalidArgumentError: what is named is no law that can be made.
+        LawError: its module raised an error; says where.
+    """
+    if name in CONTROLLERS:
+        return CONTROLLERS[name]
+    if isinstance(name, str) and ":" in name:
+        law = import_law(name, folder)
+        return Entry(law, _summary(law), name, origin=law.__module__)
+    installed = installed_laws()
+    choice("controller", name, [*CONTROLLERS, *installed])
+    law = load_law(installed[name])
+    return Entry(law, _summary(law), law.__module__, origin=origin_of(installed[name][0]))
+
+
+def all_laws() -> tuple[dict[str, Entry], list[str]]:
+    """Return every law by its name, of installed packages too, and what is wrong with those that cannot be used."""
+    laws, problems = dict(CONTROLLERS), []
+    for name, points in installed_laws().items():
+        if name in CONTROLLERS:
+            owner = CONTROLLERS[name].origin
+            problems.append(f"'{name}' of {origin_of(points[0])} has the name of a law of {owner}, which is used")
+            continue
+        try:
+            laws[name] = find_law(name)
+        except PHControlError as error:
+            problems.append(str(error))
+    return laws, problems
+
+
+def _summary(law: type[Controller]) -> str:
+    """Return the first line of a law's own docstring."""
+    lines = (vars(law).get("__doc__") or "").strip().splitlines()
+    return lines[0].rstrip(".") if lines else "says nothing about itself"
+
+
 def laws_for(system: MechanicalSystem) -> list[str]:
     """Return the names of the laws that an arm has joints enough for."""
     return [name for name, entry in CONTROLLERS.items() if entry.minimum_joints <= system.n]
@@ -124,7 +227,8 @@ def make_controller(
 ) -> Controller:
     """Make a law by its name with gains that suit the robot; ``options`` replaces any of them.
 
-    Raises UnknownNameError for an unknown law or option, listing those that exist.
+    The name is a registered one, that of a law of an installed package, or "my_module:MyLaw". Raises UnknownNameError
+    for an unknown law or option, listing those that exist, and what ``find_law`` raises.
     """
-    entry = CONTROLLERS[choice("controller", name, CONTROLLERS)]
+    entry = find_law(name)
     return entry.law.tuned(system, goal, interconnection=interconnection, **(entry.options | options))

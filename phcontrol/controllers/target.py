@@ -92,14 +92,25 @@ class Target:
             port: how f_e enters the rows of a part.
             drive: how a signal enters them, and the signal.
         """
+        if MOMENTUM not in parts:
+            raise InvalidArgumentError("target", f"has no part '{MOMENTUM}', but {', '.join(map(repr, parts))}")
         slices, end = {}, 0
-        for name, (coordinates, _) in parts.items():
+        for name, (coordinates, gradient) in parts.items():
+            for what, value in (("coordinates", coordinates), ("gradient", gradient)):
+                if np.ndim(value) != 1:
+                    message = f"part '{name}': its {what} must be a vector, but have {np.ndim(value)} dimensions"
+                    raise InvalidArgumentError("target", message)
+            if len(coordinates) != len(gradient):
+                message = f"part '{name}' has {len(coordinates)} coordinates, but a gradient of {len(gradient)}"
+                raise InvalidArgumentError("target", message)
             slices[name] = slice(end, end := end + len(coordinates))
 
         def matrix(blocks: Blocks | Callable[[], Blocks], mirror: float) -> Array:
             result, given = np.zeros((end, end)), blocks() if callable(blocks) else blocks
             for (row, column), block in given.items():
-                result[slices[row], slices[column]] = block
+                place = _entries(f"block ('{row}', '{column}')", slices, row, column)
+                _check_block(f"block ('{row}', '{column}')", block, result[place].shape)
+                result[place] = block
                 if row != column and (column, row) not in given:
                     result[slices[column], slices[row]] = mirror * block.T
             return result
@@ -107,7 +118,9 @@ class Target:
         def entry(blocks: Mapping[str, Array], width: int) -> Array:
             result = np.zeros((end, width))
             for row, block in blocks.items():
-                result[slices[row]] = block
+                place = _entries(f"entry of a force into '{row}'", slices, row)[0]
+                _check_block(f"entry of a force into '{row}'", block, result[place].shape)
+                result[place] = block
             return result
 
         return cls(
@@ -188,6 +201,24 @@ class Target:
     def driven(self) -> Array:
         """Return the part of ẋ that the drive makes."""
         return np.zeros(len(self.gradient)) if self.drive is None else self.drive.port @ self.drive.signal
+
+
+def check_target(target: object) -> None:
+    """Raise InvalidArgumentError unless what a law states as its target is one."""
+    if not isinstance(target, Target):
+        raise InvalidArgumentError("target", f"must be a Target, but is {type(target).__name__}")
+
+
+def _entries(what: str, slices: Mapping[str, slice], *names: str) -> tuple[slice, ...]:
+    for name in names:
+        if name not in slices:
+            raise InvalidArgumentError("target", f"{what} names no part; there are {', '.join(map(repr, slices))}")
+    return tuple(slices[name] for name in names)
+
+
+def _check_block(what: str, block: Array, shape: tuple[int, ...]) -> None:
+    if np.shape(block) != shape:
+        raise InvalidArgumentError("target", f"{what} must have shape {shape}, but has shape {np.shape(block)}")
 
 
 def joined(first: DrivenParts, second: DrivenParts) -> DrivenParts:

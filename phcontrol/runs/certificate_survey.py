@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import certify
-from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.registry import find_law, make_controller
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
@@ -51,7 +51,7 @@ def survey(
 
     Args:
         robots: names.
-        laws: registered names.
+        laws: names, as ``make_controller`` takes them.
         form: one form of J̄₂ for all, or "all" that each law knows.
         samples: states of each certificate.
         seed: of the random states.
@@ -63,7 +63,7 @@ def survey(
             yield SurveyRow(name, 0, "", refused=" ".join(str(error).split()))
             continue
         for law in laws:
-            forms = CONTROLLERS[law].law.forms if form == "all" else (form,)
+            forms = find_law(law).law.forms if form == "all" else (form,)
             try:
                 made = [make_controller(law, system, interconnection=each) for each in forms]
             except InvalidArgumentError as error:  # a law that is not for this arm

@@ -18,7 +18,7 @@ from phcontrol._validation import Array, choice, positive
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
-from phcontrol.controllers.registry import CONTROLLERS, make_controller
+from phcontrol.controllers.registry import find_law, make_controller
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import InvalidArgumentError
@@ -187,7 +187,7 @@ def run_position(
 
     Args:
         system: the arm.
-        controller: a registered law.
+        controller: a law's name, as ``make_controller`` takes it.
         goal: [rad]; by default a reachable posture of the arm. A tracking law goes there by minimum jerk, unless
             ``options`` has another trajectory.
         duration: [s].
@@ -199,7 +199,7 @@ def run_position(
         control_period: as in ``simulate``.
         simulation: passed on to ``simulate``.
     """
-    if issubclass(CONTROLLERS[choice("controller", controller, CONTROLLERS)].law, VisualServo):
+    if issubclass(find_law(controller).law, VisualServo):
         raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
     law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **(options or {}))

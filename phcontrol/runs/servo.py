@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import choice, positive, vector
+from phcontrol._validation import positive, vector
 from phcontrol.analysis.certify import SAMPLES, certify
-from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.registry import CONTROLLERS, find_law
 from phcontrol.controllers.visual_servo import FEATURE_GOAL, OBJECT_LENGTH, VisualServo
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.position import PositionRun
 from phcontrol.sensors.camera_sensor import CameraSensor
@@ -78,8 +78,10 @@ def run_servo(
         options: gains of the law, replacing the defaults.
         simulation: passed on to ``simulate``.
     """
-    servos = {name: entry.law for name, entry in CONTROLLERS.items() if issubclass(entry.law, VisualServo)}
-    law_type = servos[choice("servo law", controller, servos)]
+    law_type = find_law(controller).law
+    if not issubclass(law_type, VisualServo):
+        servos = [name for name, entry in CONTROLLERS.items() if issubclass(entry.law, VisualServo)]
+        raise UnknownNameError("servo law", controller, servos)
     chosen = dict(options or {})
     camera = chosen.get("camera") or PinholeCamera()
     camera = camera.mounted_on(system.robot, chosen.get("frame"))

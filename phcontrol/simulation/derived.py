@@ -9,6 +9,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
+from phcontrol.controllers.controller import stored
 from phcontrol.controllers.target import Target
 from phcontrol.environments.body import Touch
 from phcontrol.mechanics.state import MechanicalState
@@ -96,6 +97,10 @@ def _friction_power(sample: Sample) -> float:
     return 0.0 if x.system.friction is None else float(x.velocity.dot(x.friction_torque))
 
 
+def _storage(sample: Sample) -> float:
+    return stored(sample.loop.controller.storage(*sample.arguments))
+
+
 def _dissipated_power(sample: Sample) -> float:
     gradient = sample.target.gradient
     return float(gradient.dot(sample.target.dissipation.dot(gradient)))
@@ -124,7 +129,7 @@ DERIVED: dict[str, Quantity] = {
     "friction_power": Quantity("arm", (), _friction_power),
     "control_power": Quantity("arm", (), lambda sample: sample.x.output.dot(sample.torque)),
     "external_power": Quantity("arm", (), lambda sample: sample.x.velocity.dot(sample.external_force)),
-    "storage": Quantity("storage", (), lambda sample: sample.loop.controller.storage(*sample.arguments)),
+    "storage": Quantity("storage", (), _storage),
     "dissipated_power": Quantity("promise", (), _dissipated_power),
     "supplied_power": Quantity("promise", (), _supplied_power),
     "force_output": Quantity("promise", (JOINTS,), lambda sample: sample.target.gradient.dot(sample.target.port)),

@@ -131,7 +131,7 @@ ALL_OF_IT = ("energy_shaping", "classical_impedance", "classical_impedance_compe
              "tracking_measured", "force_control")  # fmt: skip
 
 
-@pytest.mark.parametrize("law", [law for law in CONTROLLERS if "servo" not in law])
+@pytest.mark.parametrize("law", [law for law, entry in CONTROLLERS.items() if "features" not in entry.needs])
 def test_the_mean_rate_of_the_storage_function_is_predicted_to_second_order(law, panda_arm):
     """Against the true motion, with a torque far from the law's: ŷᵀΔ alone would miss all of what is compared here.
 

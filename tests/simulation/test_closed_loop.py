@@ -20,15 +20,24 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.registry import CONTROLLERS, laws_for
+from tests.conftest import make_system
 
 THESIS = {"goal": [1.0, 0.5], "stiffness": 15.0, "damping": 10.0}  # section 3.4
 EXTENSION = {"coupling": [0.5, 0.7], "force_gain": 2.0}
 
 
-# these have tests of their own
-NO_POSITION = ("force_control", "reduction_servo", "hamiltonian_servo", "tracking", "tracking_measured")
-POSITION_LAWS = {name: {"stiffness": 60.0} for name in CONTROLLERS if name not in NO_POSITION}
+def holds_a_position(name):
+    """Whether a law of the registry goes to a posture and stays there; the others have tests of their own."""
+    law = make_controller(name, make_system("pera_shoulder"), [1.0, 0.5])
+    return law.target_posture(0.0) is not None and not law.time_span
+
+
+POSITION_LAWS = {
+    name: {"stiffness": 60.0} if "stiffness" in CONTROLLERS[name].law.parameters else {}
+    for name in laws_for(make_system("pera_shoulder"))
+    if holds_a_position(name)
+}
 POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "rest_stiffness": 3.0}
 
 
