@@ -14,6 +14,7 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 
 _UNLIMITED_SPEED = 2.0 * np.pi  # [rad/s]; for a prismatic joint a tenth of it [m/s]
+_NO_LIMIT = 100.0  # times that: descriptions that say more (10⁴ rad/s of Baxter's head) mean none
 _SAMPLES = 8  # of the positions at which the arm's own forces are looked at
 
 
@@ -24,7 +25,7 @@ class NaturalUnits:
     position: Array
     """1 rad, or 0.3 m for a prismatic joint, shape (n,)."""
     speed: Array
-    """The joints' velocity limits, shape (n,) [rad/s]."""
+    """The joints' velocity limits; 2π where there is none that means anything, shape (n,) [rad/s]."""
     force: Array
     """The motors' limits, or where there are none what weight and inertia ask for, shape (n,) [N·m]."""
     state: Array
@@ -41,7 +42,7 @@ class NaturalUnits:
         prismatic = is_prismatic(robot)
         position = np.where(prismatic, 0.3, 1.0)
         limit = np.where(prismatic, 0.1, 1.0) * _UNLIMITED_SPEED
-        speed = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, limit)
+        speed = np.where(robot.velocity_limit < _NO_LIMIT * limit, robot.velocity_limit, limit)
         x = plant.at(law.rest_posture(time))
         inertia = np.diag(x.mass_matrix)
         energy = 0.5 * float(inertia.dot(speed * speed))

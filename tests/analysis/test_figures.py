@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from phcontrol import EnergyShaping, ForceFeedback
+from phcontrol import EnergyShaping, ForceFeedback, MechanicalSystem, load_robot
 from phcontrol.analysis.certificate import Check
 from phcontrol.analysis.matching import indefiniteness
+from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen, largest_difference
 from phcontrol.analysis.worst import Worst
@@ -69,6 +70,16 @@ def test_checks_say_how_their_figure_stands_to_the_bound(made, passed, relation)
 def test_indefiniteness_is_the_most_negative_eigenvalue_of_the_scaled_matrix(matrix, expected):
     assert indefiniteness(matrix) >= expected * (1.0 - 1e-12)
     assert indefiniteness(matrix) == pytest.approx(expected, abs=1e-15) or expected == 1.0
+
+
+def test_an_absurd_velocity_limit_is_none():
+    """Baxter's description gives its head 10⁴ rad/s: no natural unit, and no speed to look at a law at."""
+    plant = MechanicalSystem(load_robot("baxter"))
+    assert plant.robot.velocity_limit.max() == 1e4
+    speed = NaturalUnits.of(EnergyShaping.tuned(plant), plant, 0.0).speed
+    sane = plant.robot.velocity_limit < 100.0
+    np.testing.assert_array_equal(speed[sane], plant.robot.velocity_limit[sane])
+    np.testing.assert_allclose(speed[~sane], 2.0 * np.pi)
 
 
 def test_a_law_is_shown_what_it_needs_and_the_same_elsewhere():
