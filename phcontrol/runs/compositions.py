@@ -46,6 +46,8 @@ class Workplace:
         self.frame = frame or robot.tool_frame or _last_moving(system)
         self.turns = system.n >= 6
         """Whether it has joints enough for an orientation, too."""
+        self.halfway = robot.home + 0.5 * robot.difference(self.goal, robot.home)
+        """Where paths begin: home itself may be singular, where no spring on a frame has a strict minimum [rad]."""
 
     def pose(self, position: Any = None) -> Pose:
         """Return the frame's pose, at the goal by default."""
@@ -91,7 +93,7 @@ REFERENCES: dict[str, Callable[[Workplace], AnyReference | None]] = {
     "minimum jerk": lambda place: MinimumJerk.within_limits(place.system.robot, place.system.robot.home, place.goal),
     "sinusoid": lambda place: swing(place.system.robot, place.goal),
     "frame line": lambda place: FrameLine(
-        place.frame, place.target(place.system.robot.home), place.target(), _TRAVEL_TIME
+        place.frame, place.target(place.halfway), place.target(), _TRAVEL_TIME
     ),
     "figure of eight": lambda place: FigureOfEight(
         place.frame, place.target(), 0.1, 0.06, 2.0 * _TRAVEL_TIME, turn=0.2 if place.turns else 0.0
