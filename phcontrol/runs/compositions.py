@@ -92,9 +92,7 @@ REFERENCES: dict[str, Callable[[Workplace], AnyReference | None]] = {
     AT_REST: lambda place: None,
     "minimum jerk": lambda place: MinimumJerk.within_limits(place.system.robot, place.system.robot.home, place.goal),
     "sinusoid": lambda place: swing(place.system.robot, place.goal),
-    "frame line": lambda place: FrameLine(
-        place.frame, place.target(place.halfway), place.target(), _TRAVEL_TIME
-    ),
+    "frame line": lambda place: FrameLine(place.frame, place.target(place.halfway), place.target(), _TRAVEL_TIME),
     "figure of eight": lambda place: FigureOfEight(
         place.frame, place.target(), 0.1, 0.06, 2.0 * _TRAVEL_TIME, turn=0.2 if place.turns else 0.0
     ),
