@@ -116,7 +116,7 @@ def gain(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
-def is_rotation(matrix: Array, tolerance: float = 1e-6) -> bool:
+def is_rotation(matrix: Array, tolerance: float = 1e-9) -> bool:
     """Return whether a (3, 3) matrix is orthogonal to within a tolerance, and turns without reflecting."""
     return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= tolerance and np.linalg.det(matrix) > 0.0)
 

@@ -41,10 +41,11 @@ def test_what_a_class_of_ones_own_must_say_is_demanded(module):
 
 
 DEMANDED = {
-    "controllers.controller": {"Controller": {"coordinates", "default_gains", "shape", "storage", "target"}},
-    "controllers.dynamic_extension": {
-        "DynamicExtension": {"default_gains", "position_coordinates", "potential", "pull"}
-    },
+    "controllers.controller": {"Controller": {"storage", "target"}},
+    "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
+    "controllers.position_law": {"PositionLaw": {"storage", "target"}},
+    "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
+    "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},
     "controllers.visual_servo": {"VisualServo": {"servo_motion", "servo_velocity"}},
     "potentials.potential": {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}

@@ -160,7 +160,9 @@ class _Examination:
         state = rest.state if law.active(0.0) is law else law.initial_state(plant.at(rest.position))
         sampler = StateSampler(law, plant, self._units, (rest.position, rest.velocity, state), rest.force)
         self._rest_point = rest
-        return sampler.draw(self._samples, self._seed)
+        states = sampler.draw(self._samples, self._seed)
+        self._drawn = len(states)
+        return states
 
     def _matching(self, states: list[SampledState], rest: RestPoint) -> Iterator[Check]:
         law, plant = self._law, self._plant
@@ -227,7 +229,7 @@ class _Examination:
         yield Check.more_than("states with the drive that is declared", declared, 0.0)
         dependent = change_of_drive(self._law, self._plant, states)
         yield Check.at_most("drive that depends on the state", dependent.value, PURITY_TOLERANCE, dependent.where)
-        self._brought = max(0.0, *(each.drive_power for each in figures[: self._samples]))
+        self._brought = max(0.0, *(each.drive_power for each in figures[: self._drawn]))
 
     def _contract(self, states: list[SampledState]) -> Iterator[Check]:
         law, plant = self._law, self._plant
@@ -289,9 +291,9 @@ class _Examination:
         return (
             f"{self._samples} states, seed {self._seed}: q at the goal and home, at, within and 10 % beyond {limits}; "
             "speeds from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; "
-            f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}; of all a quarter with one "
-            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, or at rest under a load; "
-            f"and along short runs{seen}"
+            f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}{seen}; besides, with one "
+            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, at rest under a load; and along "
+            "short runs"
         )
 
 

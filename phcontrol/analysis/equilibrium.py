@@ -15,7 +15,6 @@ from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.target import Target
-from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured
@@ -71,12 +70,12 @@ def equilibrium(
     is felt only through a sensor, or when the law is not what it promises on its own model: what is said of its
     storage function rests on that. Raises InvalidArgumentError for a law that follows a trajectory.
     """
-    if isinstance(controller, TrajectoryTracking):
-        raise InvalidArgumentError("controller", "follows a trajectory: it comes to no rest that could be found")
+    if controller.time_span:
+        raise InvalidArgumentError("controller", "changes with time: it comes to no rest that could be found")
     require_certificate(controller, controller.system, "what is said of the equilibrium", rest=False)
     n, size = system.n, controller.state_size
     force = vector("external_force", external_force, n)
-    start = getattr(controller, "goal", system.robot.home) if guess is None else vector("guess", guess, n)
+    start = controller.rest_posture(0.0) if guess is None else vector("guess", guess, n)
     solution = root(
         _rest_condition(controller, system, force), np.concatenate([start, np.zeros(size)]), method="hybr", tol=1e-13
     )

@@ -16,6 +16,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STATES = 12
+_TIMES = np.geomspace(1e-3, 1e5, 81)  # ten a decade: none is left out for long [s]
 _ASIDE = 1e-3  # of a force, by which it is changed for a law that may switch with it
 
 
@@ -28,7 +29,7 @@ def _changes_with_time(
     law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
 ) -> Iterator[tuple[float, str]]:
     chosen = some(states, _STATES, plant.n)
-    times = [at.time for at in states]
+    times = [*(at.time for at in states), *_TIMES]
     for k, at in enumerate(chosen):
         here = Seen.of(law, plant, at)
         said = _everything(here)

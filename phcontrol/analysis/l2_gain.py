@@ -47,13 +47,13 @@ def l2_gain(controller: Controller, system: MechanicalSystem, *, samples: int = 
 
     The bound is one of the promise: the law must have its certificate on this system first.
 
-    Raises InvalidArgumentError for a law to which the theorem does not apply: one without ``damping``, one
+    Raises InvalidArgumentError for a law to which the theorem does not apply: one without ``injected_damping``, one
     that feeds the measured force back (its port is another), a system with an input matrix. Raises PHControlError
     for a law that is not what it promises.
     """
     count("samples", samples)
-    damping = getattr(controller, "damping", None)
-    if not isinstance(damping, np.ndarray):
+    damping = controller.injected_damping
+    if damping is None:
         raise InvalidArgumentError("controller", f"{controller.name} injects no damping matrix C")
     if controller.needs:
         raise InvalidArgumentError(

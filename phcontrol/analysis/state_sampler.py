@@ -33,7 +33,7 @@ _FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
-_THIN = 4  # every fourth state lies on a thin set
+_THIN = 4  # a quarter as many states are added on thin sets
 _EVEN = ("at limits", "anywhere", "beyond limits", "speeds")  # strata with a sequence of their own
 _ALONE = 0.25  # of the vectors have one entry alone
 
@@ -54,8 +54,8 @@ class StateSampler:
     - times: the start and the whole of each phase of the law (a minute if it does not change), and later ones: up to
       1e5 s, or 200 times its span.
 
-    Every fourth state lies on a thin set (``ThinStates``): with one coordinate alone away from rest, with neighbouring
-    joints alone, with p̂ = 0, at rest under a load.
+    To them a quarter as many are added on thin sets (``ThinStates``), which those do not hit: with one coordinate alone
+    away from rest, with neighbouring joints alone, with p̂ = 0, at rest under a load.
 
     The numbers are scrambled Sobol sequences (:mod:`scipy.stats.qmc`), which leave no gaps in any single coordinate:
     one that chooses, and one more for each stratum that fills a range of positions or speeds, since a part of a
@@ -86,7 +86,7 @@ class StateSampler:
         self._thin = ThinStates(law, plant, units, self._look)
 
     def draw(self, samples: int, seed: int) -> list[SampledState]:
-        """Return a number of states."""
+        """Return a number of states, and those on thin sets after them."""
         from scipy.stats import qmc  # loads a third of SciPy: only when a certificate is made
 
         n, m = self._plant.n, self._units.state.size
@@ -95,11 +95,11 @@ class StateSampler:
         points = sequence.random_base2(power)[:samples]
         for which, stratum in enumerate(_EVEN, start=1):
             self._even[stratum] = iter(qmc.Sobol(n, seed=np.random.default_rng([seed, which])).random_base2(power))
-        states = []
+        states, thin = [], samples // _THIN
         for k, point in enumerate(points):
             self._generator = np.random.default_rng([seed, k])
-            turn, last = divmod(k + 1, _THIN)
-            states.append(self._state(point) if last else self._thin_state(turn - 1, samples // _THIN, point))
+            states.append(self._state(point))
+        states += [self._thin_state(k, thin, point) for k, point in enumerate(points[:thin])]
         position, velocity, state = self._rest
         scene = self._law.rest_scene(self._law.system.at(position))
         time = FIRST_TIME if self._changes else 0.0

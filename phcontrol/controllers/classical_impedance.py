@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phcontrol._validation import Array
-from phcontrol.controllers.parameters import Flag, Gain
+from phcontrol.controllers.parameters import Flag
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.regulated_law import VIRTUAL_POSITION, RegulatedLaw
 from phcontrol.controllers.shaping import EMPTY, Shaping
@@ -39,7 +39,6 @@ class ClassicalImpedance(RegulatedLaw):
 
     name = "classical_impedance"
 
-    damping: Gain = Gain("K_Hd", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     compensate_external_force: Flag = Flag(default=False)
 
     @property

@@ -264,6 +264,11 @@ class Controller(Declared, ABC):
         """What a law with a camera sees by; None for a law without eyes."""
         return None
 
+    @property
+    def injected_damping(self) -> Array | None:
+        """C, shape (n, n) [N·m·s/rad], of a law whose injected damping is −C ŷ; None of others."""
+        return None
+
     def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
         """Return what the law's claim rests on beside its target, by name: each must be positive at this state."""
         return {}

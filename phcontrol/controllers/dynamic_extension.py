@@ -42,7 +42,6 @@ class DynamicExtension(ShapedLaw):
         force_gain: K_z, positive definite.
     """
 
-    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 0.5)
     force_gain: Gain = Gain("K_z", tuned=lambda tuning: 2.0)
 

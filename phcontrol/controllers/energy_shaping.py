@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from phcontrol._validation import Array
-from phcontrol.controllers.parameters import Gain
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.position_law import PositionLaw
 from phcontrol.controllers.shaping import Shaping
@@ -39,8 +38,6 @@ class EnergyShaping(PositionLaw):
     """
 
     name = "energy_shaping"
-
-    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
 
     def prepare(self) -> None:
         """Form G C Gᵀ."""

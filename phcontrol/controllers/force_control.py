@@ -20,8 +20,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.joint_force import JointForce
 from phcontrol.potentials.point_force import PointForce
-from phcontrol.potentials.potential import Potential
-from phcontrol.potentials.sum import Sum
+from phcontrol.potentials.potential import Potential, Sum
 from phcontrol.sensors.measured import NOTHING, Measured
 
 _SURFACE = 1e4  # stiffness of a surface that is pressed [N/m]

@@ -65,7 +65,6 @@ class ImpedanceGrasping(RegulatedLaw):
 
     stiffness: Gain = Gain("K_p", "N·m/rad", default=None, tuned=lambda tuning: 1.0)
     rest_stiffness: Gain = Gain("K_rl", "N·m/rad", tuned=lambda tuning: 0.5)
-    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
 
     def prepare(self) -> None:
         """Check that the spring is one of the joints, which has the rest length of the law."""

@@ -7,9 +7,8 @@ from phcontrol.potentials.joint_force import JointForce
 from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.potentials.point_force import PointForce
 from phcontrol.potentials.position_potential import PositionPotential
-from phcontrol.potentials.potential import Goal, Potential
+from phcontrol.potentials.potential import Goal, Potential, Sum
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
-from phcontrol.potentials.sum import Sum
 
 __all__ = [
     "FrameSpring",

@@ -11,9 +11,8 @@ from phcontrol.mechanics.pose import check_pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.frame_spring import FrameSpring
-from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.potential import Potential, Sum
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
-from phcontrol.potentials.sum import Sum
 
 
 class Holding(Sum):

@@ -112,7 +112,7 @@ def drawn(law, arm, form="coriolis", samples=256):
     units = NaturalUnits.of(made, plant, 0.0)
     goal = made.rest_posture(0.0)
     rest = (goal, np.zeros(plant.n), np.zeros(made.state_size))
-    return made, plant, StateSampler(made, plant, units, rest, np.zeros(plant.n)).draw(samples, 3)[3::4]
+    return made, plant, StateSampler(made, plant, units, rest, np.zeros(plant.n)).draw(samples, 3)[samples:]
 
 
 def acceleration(law, plant, at):

@@ -289,7 +289,7 @@ def test_the_gain_from_force_to_output_is_bounded_as_it_is_for_a_law_at_rest(per
 
 
 def test_a_moving_law_has_no_equilibrium(shoulder):
-    with pytest.raises(InvalidArgumentError, match="controller: follows a trajectory"):
+    with pytest.raises(InvalidArgumentError, match="controller: changes with time"):
         equilibrium(TrajectoryTracking(shoulder, **THESIS), shoulder, [1.0, 0.0])
 
 
