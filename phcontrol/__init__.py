@@ -34,7 +34,6 @@ from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
-from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
@@ -104,6 +103,7 @@ from phcontrol.trajectories.sampled_frame_path import SampledFramePath
 from phcontrol.trajectories.sinusoid import Sinusoid
 from phcontrol.trajectories.slowed_path import SlowedPath
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from phcontrol.trajectories.tracking_transformation import TrackingTransformation
 from phcontrol.trajectories.trajectory import Reference, Trajectory
 from phcontrol.vision.extraction import extract_features
 from phcontrol.vision.feature_flow import FeatureFlow

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import eig
 
-from phcontrol._differences import jacobian
+from phcontrol._differences import central_difference, jacobian
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
@@ -17,6 +17,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STEPS = (1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; for each column the best is taken
+_REFERENCE_STEP = 1e-3  # over which q̈_ref is taken of q̇_ref [s]
 _BEND = 1e-3  # of second differences, in natural units
 _ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
 _ITERATIONS = 30
@@ -79,7 +80,7 @@ def find_rest(
 
     Where a law rests in free motion (or with its reference) that is where ∇H_d = 0. A law that rests under a force
     (``Controller.rest_force``) is given an elastic environment that exerts it at the rest posture, a spring that
-    gives each joint a natural frequency [rad/s], and rests where the closed loop's rate is 0.
+    gives each joint a natural frequency [rad/s], and rests where the closed loop's rate is 0, or its reference's.
     """
     return _Neighbourhood(law, plant, units, time, frequency).rest()
 
@@ -107,7 +108,7 @@ class _Neighbourhood:
 
     def rest(self) -> RestPoint:
         free = self._spring is None
-        y, found = self._root(self._gradient if free else self._rate)
+        y, found = self._root(self._gradient if free else self._drift)
         self._bent = False
         if free and not found:  # coordinates that are more than they need: ∇H_d is zero only along what moves
             y, found = self._root(self._rate)
@@ -142,6 +143,20 @@ class _Neighbourhood:
         at, command = seen.at, seen.command()
         acceleration = self._plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
         return np.concatenate([at.velocity, acceleration, command.state_rate])
+
+    def _drift(self, y: Array) -> Array:
+        """Return ẏ less what a reference moves with, (q̇_ref, q̈_ref, 0): zero where the arm goes along with it."""
+        rate, law, n = self._rate(y), self._law, self._n
+        if not law.time_span:
+            return rate
+
+        def reference(step: float) -> Array:
+            x = law.system.at(y[:n] + step * y[n : 2 * n], y[n : 2 * n])
+            return law.reference_velocity(self._time + step, x)
+
+        rate[:n] -= reference(0.0)
+        rate[n : 2 * n] -= central_difference(reference, _REFERENCE_STEP)
+        return rate
 
     def _gradient(self, y: Array) -> Array:
         """Return ∇H_d with respect to the target's coordinates."""

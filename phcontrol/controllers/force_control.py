@@ -110,10 +110,11 @@ class ForceControl(DynamicExtension):
 
     @property
     def driven_by(self) -> str:
-        """Without feedforward, and until there is contact under a speed limit, the desired force."""
+        """Without feedforward, and until there is contact under a speed limit, the desired force; and a path."""
+        own = "f_d until there is contact, which moves w" if math.isfinite(self.approach_speed) else ""
         if not self.feedforward:
-            return "f_d, which moves w: no storage function but for constant T (errata E23)"
-        return "f_d until there is contact, which moves w" if math.isfinite(self.approach_speed) else ""
+            own = "f_d, which moves w: no storage function but for constant T (errata E23)"
+        return "; ".join(filter(None, (own, super().driven_by)))
 
     @property
     def lacks_minimum(self) -> str:
@@ -125,9 +126,16 @@ class ForceControl(DynamicExtension):
         return None
 
     def rest_posture(self, t: float) -> Array:
-        """Return the posture that is held, or the arm's home [rad]."""
+        """Return where U is smallest: that of the reference, the posture that is held, or one near home [rad]."""
+        if self._trajectory is not None:
+            return self._trajectory.at(t).position
         held = self._held.posture
-        return super().rest_posture(t) if held is None else held
+        return super().rest_posture(t) if held is None or self._path is not None else held
+
+    @property
+    def _least_at_rest(self) -> Potential:
+        """U: in contact f_d is what the environment answers with."""
+        return self._held
 
     def contact_stiffness(self, x: MechanicalState) -> Array | None:
         """Return the stiffness of what a frame presses on, 10⁴ N/m."""

@@ -8,12 +8,11 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, gain, matrix
 from phcontrol.controllers.parameters import NonNegative, Parameter, Positive
 from phcontrol.controllers.passive_port import PassivePort
-from phcontrol.controllers.servo_velocity import ServoVelocity
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.controllers.visual_servo import View, VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import transformed_velocity_derivative
-from phcontrol.mechanics.singular_damping import SingularDamping
+from phcontrol.mechanics.singular_damping import DAMPING_SHARE, SingularDamping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.vision.interaction import (
@@ -21,11 +20,10 @@ from phcontrol.vision.interaction import (
     interaction_matrix_derivative,
     interaction_matrix_rate,
 )
+from phcontrol.vision.servo_velocity import ServoVelocity
 
 SINGULAR_LEVER = 0.05
 """The default region of damping is where a feature moves less than the image's length does with a lever of this [m]."""
-DAMPING_SHARE = 0.6
-"""λ₀/ε by default."""
 
 
 class HamiltonianServo(VisualServo):

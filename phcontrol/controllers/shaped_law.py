@@ -157,6 +157,11 @@ class ShapedLaw(Controller):
         beside = self.potential.gradient(self.system.at(posture + 0.1))
         return posture if np.abs(self.potential.gradient(x)).max() <= 1e-9 * np.abs(beside).max() else None
 
+    @property
+    def _least_at_rest(self) -> Potential:
+        """What is smallest where the law rests: Ψ."""
+        return self.potential
+
     def rest_posture(self, t: float) -> Array:
         """Return q_d, or a posture near the arm's home at which Ψ is smallest, shape (n,) [rad]."""
         posture = self.target_posture(t)
@@ -166,7 +171,7 @@ class ShapedLaw(Controller):
             return self._minima[0]
         step = max(0, min(_MINIMA - 1, int(t / self.time_span * (_MINIMA - 1))))
         if t not in self._found:
-            self._found[t] = self.potential.minimum_near(self.system, self._minima[step], _pose(self._path.at(t)))
+            self._found[t] = self._least_at_rest.minimum_near(self.system, self._minima[step], _pose(self._path.at(t)))
         return self._found[t]
 
     @lazy
@@ -175,7 +180,7 @@ class ShapedLaw(Controller):
         system, found = self.system, [self.system.robot.home]
         for share in np.linspace(0.0, 1.0, 1 if self._path is None else _MINIMA):
             goal = None if self._path is None else _pose(self._path.at(share * self.time_span))
-            found.append(self.potential.minimum_near(system, found[-1], goal))
+            found.append(self._least_at_rest.minimum_near(system, found[-1], goal))
         return found[1:]
 
     def reference_velocity(self, t: float, x: MechanicalState) -> Array:

@@ -12,7 +12,6 @@ from phcontrol.controllers.command import Command
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.parameters import Flag, NonNegative, Parameter
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.tracking_transformation import TrackingTransformation
 from phcontrol.controllers.tuning import Tuning
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
@@ -20,6 +19,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.trajectories.minimum_jerk import MinimumJerk, usual_speed
 from phcontrol.trajectories.sinusoid import Sinusoid
+from phcontrol.trajectories.tracking_transformation import TrackingTransformation
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
 

@@ -10,6 +10,9 @@ from scipy.linalg import lapack
 from phcontrol._validation import Array, number, positive
 from phcontrol.mechanics import kernels
 
+DAMPING_SHARE = 0.6
+"""λ₀/ε by default."""
+
 _dsyev = lapack.dsyev
 
 

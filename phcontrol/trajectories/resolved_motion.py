@@ -9,14 +9,12 @@ import numpy as np
 
 from phcontrol._validation import Array, positive
 from phcontrol.mechanics.derivatives import right_inverse_motion
-from phcontrol.mechanics.singular_damping import SingularDamping
+from phcontrol.mechanics.singular_damping import DAMPING_SHARE, SingularDamping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.trajectories.frame_path import FrameReference
 
 SINGULAR_REGION = 0.02
 """ε, from which on the inverse is damped [m/rad]."""
-DAMPING_SHARE = 0.6
-"""λ₀ over ε, by default."""
 LENGTH = 0.3
 """How many metres 1 rad counts as where both are compared [m/rad]."""
 
