@@ -18,7 +18,7 @@ from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
-from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
@@ -327,15 +327,15 @@ class Controller(Declared, ABC):
         cls,
         system: MechanicalSystem,
         goal: Array,
-        bandwidth: float = BANDWIDTH,
-        damping_ratio: float = DAMPING_RATIO,
+        bandwidth: float | None = None,
+        damping_ratio: float | None = None,
     ) -> Tuning:
         """Return what the default gains are made from, with the arm's inertia at the goal."""
         return Tuning(system, goal, goal, bandwidth, damping_ratio)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
-        """Return gains that suit a robot, scaled by its inertia at the goal.
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
+        """Return gains that suit a robot, scaled by its inertia (:class:`Tuning`).
 
         Args:
             system: the model of the arm.
@@ -356,8 +356,8 @@ class Controller(Declared, ABC):
         system: MechanicalSystem,
         goal: ArrayLike | None = None,
         *,
-        bandwidth: float = BANDWIDTH,
-        damping_ratio: float = DAMPING_RATIO,
+        bandwidth: float | None = None,
+        damping_ratio: float | None = None,
         **options: Any,
     ) -> Law:
         """Make the law with gains that suit the robot; ``options`` replaces any of its arguments by name.
@@ -368,8 +368,8 @@ class Controller(Declared, ABC):
         Args:
             system: the model of the arm.
             goal: for most laws a posture [rad].
-            bandwidth: ω of the default gains [rad/s].
-            damping_ratio: ζ of the default gains.
+            bandwidth: ω wished for [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
+            damping_ratio: ζ wished for, likewise.
             options: arguments of the constructor.
         """
         check_system(system)

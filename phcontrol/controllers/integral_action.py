@@ -46,7 +46,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
     integral_compliance: Matrix = Matrix("Γ", "rad/(N·m·s)", default=None, tuned=lambda tuning: 1.0 / tuning.stiffness)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
         """Return the gains of force feedback, and K_i = 1/s; of a potential, Γ for the same of the joints' inertia."""
         other = "integral_gain" if "potential" in given else "integral_compliance"
         return super().default_gains(system, goal, given={*given, other}, **wish)

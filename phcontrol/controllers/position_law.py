@@ -37,7 +37,7 @@ class PositionLaw(ShapedLaw):
     potential: Parameter[Potential | None, Potential] = Parameter("Ψ", default=None, check=_potential)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
         """Return gains that suit a robot; a potential or reference that is given takes the place of goal and spring."""
         taken = {*given}
         if "potential" in taken:

@@ -72,7 +72,7 @@ class Schedule(Controller):
         return tuple(dict.fromkeys(quantity for law in self.laws for quantity in law.needs))
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
         """Refuse: a schedule has laws, not gains."""
         raise InvalidArgumentError("Schedule", "make it of laws: Schedule([(0.0, law), (10.0, other_law)])")
 

@@ -74,7 +74,7 @@ class TrajectoryTracking(EnergyShaping):
     hold: NonNegative = NonNegative("h", "s", default=0.0)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
         """Return gains that suit a robot, and a trajectory from home to the goal."""
         return super().default_gains(system, goal, given={*given, "goal"}, **wish)
 
