@@ -21,7 +21,7 @@ def run_and_write(
     study: Callable[..., PositionRun] = run_position,
     **arguments: Any,
 ) -> None:
-    """Run, print the summary, write and show the results; exit code 1 when the certificate failed."""
+    """Run, print the summary, write and show the results; exit code 1 when certificate or limits were not kept."""
     check_writable(folder, showing.record)
     with watching(showing) as watch:
         result = _run(study, system, folder, watch=watch, **arguments)
@@ -30,7 +30,9 @@ def run_and_write(
         record_logs({"": result.log}, showing.record)
         if watch is not None:
             watch.linger(result.log)
-    if not result.certificate.passed:
+    if result.departures:
+        typer.echo(f"warning: the run left the limits of {result.robot.name}: {'; '.join(result.departures)}", err=True)
+    if result.departures or not result.certificate.passed:
         raise typer.Exit(1)
 
 

@@ -47,7 +47,7 @@ class Tuning:
     M stays below about four times its mean, which leaves a damping ratio of ½^½ or more, and an overshoot of at most
     4.3 % of a step. Friction around rest, d(0), leaves a time constant of about a second. A torque that is
     held for h = 1 ms takes the velocity −hM⁻¹C on; it fades where the largest eigenvalue of that is below 2. Where the
-    diagonal does not keep to that (long chains), the whole of M_d is taken, and if need be a smaller ω.
+    diagonal does not keep to that (long chains), the whole of M_d is taken, and if need be K_p and C are lowered.
 
     Args:
         system: the model of the arm.
@@ -97,27 +97,28 @@ class Tuning:
             return self._bandwidth**2 * inertia, 2.0 * self.damping_ratio * self._bandwidth * inertia
         inertia = _MARGIN * np.mean([seen.inertia for seen in self._everywhere], axis=0)
         diagonal = np.diag(inertia.diagonal())
-        shares = [self._shaped(design, self._bandwidth) for design in (diagonal, inertia)]
-        for stiffness, damping in shares:
-            if self._reach(damping) <= _HELD:
-                return stiffness, damping
-        bandwidth = self._bandwidth
-        while self._reach(shares[-1][1]) > _HELD:
-            bandwidth *= 0.8
-            shares.append(self._shaped(inertia, bandwidth))
-        return shares[-1]
+        fastest = _HELD / (2.0 * self.damping_ratio * self._held(diagonal))
+        if fastest >= self._bandwidth:
+            return self._shaped(diagonal, fastest)
+        stiffness, damping = self._shaped(inertia, np.inf)
+        share = min(1.0, _HELD / self._held(damping))
+        return share**2 * stiffness, share * damping
 
-    def _shaped(self, inertia: Array, bandwidth: float) -> tuple[Array, Array]:
-        """Return K_p and C of a design inertia; every mode of (M_d, C, K_p) has the damping ratio ζ."""
-        stiffness = bandwidth**2 * inertia
-        stiffness = stiffness + np.diag(np.maximum(0.0, _FRICTION * self._everywhere[0].damping - stiffness.diagonal()))
+    def _shaped(self, inertia: Array, fastest: float) -> tuple[Array, Array]:
+        """Return K_p and C of a design inertia; every mode of (M_d, C, K_p) has the damping ratio ζ.
+
+        For the sake of friction no joint is made stiffer than at the bandwidth ``fastest`` [rad/s].
+        """
+        stiffness, own = self._bandwidth**2 * inertia, inertia.diagonal()
+        against_friction = np.minimum(_FRICTION * self._everywhere[0].damping, fastest**2 * own)
+        stiffness = stiffness + np.diag(np.maximum(0.0, against_friction - self._bandwidth**2 * own))
         squares, modes = eigh(stiffness, inertia)  # modesᵀ M_d modes = 1
         moved = inertia @ modes
         damping = 2.0 * self.damping_ratio * (moved * np.sqrt(squares)) @ moved.T
         return stiffness, 0.5 * (damping + damping.T)
 
-    def _reach(self, damping: Array) -> float:
-        """Return the largest eigenvalue of hM⁻¹C over all postures."""
+    def _held(self, damping: Array) -> float:
+        """Return the largest eigenvalue of hM⁻¹C over all postures: what a held torque takes of a velocity."""
         return PERIOD * max(float(eigh(damping, seen.inertia, eigvals_only=True)[-1]) for seen in self._everywhere)
 
     @lazy
