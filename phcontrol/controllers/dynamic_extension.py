@@ -44,7 +44,7 @@ class DynamicExtension(ShapedLaw):
 
     damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 0.5)
-    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 4.0 * tuning.amplification(0.5))  # A Y = A K_z Aᵀ
+    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 4.0 * tuning.amplification(0.25))  # A K_z Aᵀ
 
     def prepare(self) -> None:
         """Compute Y and K_z⁻¹."""
