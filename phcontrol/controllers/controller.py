@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -334,13 +336,15 @@ class Controller(Declared, ABC):
         return Tuning(system, goal, goal, bandwidth, damping_ratio)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: Any) -> dict[str, Any]:
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia (:class:`Tuning`).
 
         Args:
             system: the model of the arm.
             goal: as ``check_goal`` returns it.
-            given: names of arguments that are chosen otherwise.
+            given: arguments that are chosen otherwise, by name.
             wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
         """
         tuning = cls.tuning(system, goal, **wish)
