@@ -12,7 +12,17 @@ import argparse
 
 import numpy as np
 
-from phcontrol import ControlLoop, Limits, MechanicalSystem, TorqueFilter, UdpArm, drive, load_robot, make_controller
+from phcontrol import (
+    ControlLoop,
+    Limits,
+    MechanicalSystem,
+    MinimumJerk,
+    TorqueFilter,
+    UdpArm,
+    drive,
+    load_robot,
+    make_controller,
+)
 
 PERIOD = 1e-3  # [s]
 GOAL = [-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2]  # [rad]
@@ -31,7 +41,8 @@ def main() -> None:
     parser.add_argument("--outage", type=float, default=0.05, help="length of an outage in the middle [s]")
     options = parser.parse_args()
     system = make_system()
-    controller = make_controller("force_feedback", system, GOAL)
+    way = MinimumJerk.within_limits(system.robot, system.robot.home, GOAL)
+    controller = make_controller("force_feedback", system, GOAL, reference=way)
     limits = Limits(system, torque_rate=1000.0, position_margin=0.01, velocity_margin=0.1)  # [N·m/s], [rad], 1
     loop = ControlLoop(
         system,

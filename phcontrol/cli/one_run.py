@@ -26,7 +26,7 @@ def run_and_write(
     study: Callable[..., PositionRun] = run_position,
     **arguments: Any,
 ) -> None:
-    """Run, print the summary, write and show the results; exit code 1 when the certificate failed."""
+    """Run, print the summary, write and show the results; exit code 1 when certificate or limits were not kept."""
     check_writable(folder, showing.record)
     law = law_of(controller).law
     with watching(showing) as watch:
@@ -40,7 +40,9 @@ def run_and_write(
             watch.linger(result.log)
     if result.certificate.error:
         say_error(f"{controller} raised {result.certificate.error}")
-    if not result.certificate.passed:
+    if result.departures:
+        typer.echo(f"warning: the run left the limits of {result.robot.name}: {'; '.join(result.departures)}", err=True)
+    if result.departures or not result.certificate.passed:
         raise typer.Exit(1)
 
 

@@ -47,6 +47,9 @@ def position(
     control_period: Annotated[
         float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
     ] = None,
+    step: Annotated[
+        bool, typer.Option("--step", help="Give the goal as a jump, in place of a smooth reference. Laws overshoot it.")
+    ] = False,
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
@@ -56,8 +59,10 @@ def position(
     record: RecordOption = None,
     port: PortOption = None,
 ) -> None:
-    """Take an arm from its home to a posture, and certify the law that does it."""
+    """Lead an arm from its home to a posture within its velocity limits, and certify the law that does it."""
     system = system_of(robot, lock, armature)
+    if step:
+        typer.echo("warning: --step: the goal jumps; laws that feed forces back must overshoot it", err=True)
     run_and_write(
         system,
         Path("results/position") if out is None else out,
@@ -71,4 +76,5 @@ def position(
         dt=dt,
         integrator=integrator,
         control_period=control_period,
+        step=step,
     )

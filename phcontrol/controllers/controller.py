@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -17,12 +19,13 @@ from phcontrol.controllers.parameters import REQUIRED, Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target, check_target
-from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, NonFiniteTorqueError, UnknownNameError
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.trajectories.trajectory import Trajectory
 from phcontrol.vision.scene import Eyes, Scene
 
 Law = TypeVar("Law", bound="Controller")
@@ -274,6 +277,16 @@ class Controller(Declared, ABC):
         velocity: Array = central_difference(lambda step: self.rest_posture(t + step), _STEP)
         return velocity
 
+    @property
+    def led_along(self) -> Trajectory | None:
+        """The trajectory of the joints that the law leads the arm along; None for none."""
+        return None
+
+    @property
+    def unheld(self) -> Controller:
+        """The law that a certificate is about: itself, unless it reckons with torques that are held."""
+        return self
+
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return the f_e under which the law rests, shape (n,) [N·m]; None for a law that rests in free motion."""
         return None
@@ -360,20 +373,22 @@ class Controller(Declared, ABC):
         cls,
         system: MechanicalSystem,
         goal: Array,
-        bandwidth: float = BANDWIDTH,
-        damping_ratio: float = DAMPING_RATIO,
+        bandwidth: float | None = None,
+        damping_ratio: float | None = None,
     ) -> Tuning:
         """Return what the default gains are made from, with the arm's inertia at the goal."""
         return Tuning(system, goal, goal, bandwidth, damping_ratio)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
-        """Return gains that suit a robot, scaled by its inertia at the goal.
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
+        """Return gains that suit a robot, scaled by its inertia (:class:`Tuning`).
 
         Args:
             system: the model of the arm.
             goal: as ``check_goal`` returns it.
-            given: names of arguments that are chosen otherwise.
+            given: arguments that are chosen otherwise, by name.
             wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
         """
         tuning = cls.tuning(system, goal, **wish)
@@ -393,8 +408,8 @@ class Controller(Declared, ABC):
         system: MechanicalSystem,
         goal: ArrayLike | None = None,
         *,
-        bandwidth: float = BANDWIDTH,
-        damping_ratio: float = DAMPING_RATIO,
+        bandwidth: float | None = None,
+        damping_ratio: float | None = None,
         **options: Any,
     ) -> Law:
         """Make the law with gains that suit the robot; ``options`` replaces any of its arguments by name.
@@ -405,8 +420,8 @@ class Controller(Declared, ABC):
         Args:
             system: the model of the arm.
             goal: for most laws a posture [rad].
-            bandwidth: ω of the default gains [rad/s].
-            damping_ratio: ζ of the default gains.
+            bandwidth: ω wished for [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
+            damping_ratio: ζ wished for, likewise.
             options: arguments of the constructor.
         """
         check_system(system)

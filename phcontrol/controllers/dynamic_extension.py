@@ -43,7 +43,7 @@ class DynamicExtension(ShapedLaw):
     """
 
     coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 0.5)
-    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 2.0)
+    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 4.0 * tuning.amplification(0.25))  # A K_z Aᵀ
 
     def prepare(self) -> None:
         """Compute Y and K_z⁻¹."""

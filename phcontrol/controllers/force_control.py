@@ -76,7 +76,7 @@ class ForceControl(DynamicExtension):
         default=None, check=lambda name, value, system: (system.frame_id(value), value)[1]
     )
     coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 1.0)
-    force_gain: Gain = Gain("K_z", tuned=lambda tuning: 1.0)
+    force_gain: Gain = Gain("K_z", tuned=lambda tuning: tuning.amplification(1.0))
     holding: Parameter[Sequence[Potential], tuple[Potential, ...]] = Parameter("U", default=(), check=_potentials)
     feedforward: Flag = Flag(default=True)
     approach_speed: Parameter[float | None, float] = Parameter(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -43,13 +45,17 @@ class IntegralAction(PositionLaw, DynamicExtension):
     name = "integral_action"
 
     integral_gain: Matrix = Matrix("K_i", "1/s", default=None, tuned=lambda tuning: 1.0)
-    integral_compliance: Matrix = Matrix("Γ", "rad/(N·m·s)", default=None, tuned=lambda tuning: 1.0 / tuning.stiffness)
+    integral_compliance: Matrix = Matrix(
+        "Γ", "rad/(N·m·s)", default=None, tuned=lambda tuning: np.linalg.inv(tuning.stiffness)
+    )
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
         """Return the gains of force feedback, and K_i = 1/s; of a potential, Γ for the same of the joints' inertia."""
         other = "integral_gain" if "potential" in given else "integral_compliance"
-        return super().default_gains(system, goal, given={*given, other}, **wish)
+        return super().default_gains(system, goal, given={**given, other: None}, **wish)
 
     def prepare(self) -> None:
         """Compute Γ, which must make the storage function fall."""

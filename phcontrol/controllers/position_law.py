@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from phcontrol._validation import Array
@@ -12,6 +14,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.potentials.potential import Potential
 from phcontrol.trajectories.frame_path import FramePath
+from phcontrol.trajectories.trajectory import Trajectory
 
 
 def _potential(name: str, value: Any, system: MechanicalSystem) -> Potential:
@@ -37,13 +40,17 @@ class PositionLaw(ShapedLaw):
     potential: Parameter[Potential | None, Potential] = Parameter("Ψ", default=None, check=_potential)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
         """Return gains that suit a robot; a potential or reference that is given takes the place of goal and spring."""
-        taken = {*given}
+        taken = dict(given)
         if "potential" in taken:
-            taken |= {"goal", "stiffness"}
+            taken |= {"goal": None, "stiffness": None}
         if "reference" in taken:
-            taken.add("goal")
+            taken["goal"] = None
+            if isinstance(taken["reference"], Trajectory):
+                goal = taken["reference"].at(taken["reference"].duration).position
         return super().default_gains(system, goal, given=taken, **wish)
 
     def shaped(self) -> Potential:

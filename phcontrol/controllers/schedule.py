@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,9 @@ class Schedule(Controller):
         return tuple(dict.fromkeys(quantity for law in self.laws for quantity in law.needs))
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
         """Refuse: a schedule has laws, not gains."""
         raise InvalidArgumentError("Schedule", "make it of laws: Schedule([(0.0, law), (10.0, other_law)])")
 

@@ -162,6 +162,11 @@ class ShapedLaw(Controller):
         """What is smallest where the law rests: Ψ."""
         return self.potential
 
+    @property
+    def led_along(self) -> Trajectory | None:
+        """The reference, where it is a trajectory of the joints."""
+        return self._trajectory
+
     def rest_posture(self, t: float) -> Array:
         """Return q_d, or a posture near the arm's home at which Ψ is smallest, shape (n,) [rad]."""
         posture = self.target_posture(t)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -73,9 +75,11 @@ class TrajectoryTracking(EnergyShaping):
     hold: NonNegative = NonNegative("h", "s", default=0.0)
 
     @classmethod
-    def default_gains(cls, system: MechanicalSystem, goal: Array, *, given: Any = (), **wish: float) -> dict[str, Any]:
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+    ) -> dict[str, Any]:
         """Return gains that suit a robot, and a trajectory from home to the goal."""
-        return super().default_gains(system, goal, given={*given, "goal"}, **wish)
+        return super().default_gains(system, goal, given={**given, "goal": None}, **wish)
 
     def prepare(self) -> None:
         """Take the trajectory for the reference."""

@@ -15,7 +15,7 @@ from phcontrol.controllers.parameters import Gain, NonNegative, Parameter, Posit
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
-from phcontrol.controllers.tuning import BANDWIDTH, DAMPING_RATIO, Tuning
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError, ObjectLostError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -101,8 +101,8 @@ class VisualServo(Controller):
         cls,
         system: MechanicalSystem,
         goal: Array,
-        bandwidth: float = BANDWIDTH,
-        damping_ratio: float = DAMPING_RATIO,
+        bandwidth: float | None = None,
+        damping_ratio: float | None = None,
     ) -> Tuning:
         """Return what the default gains are made from; they do not depend on the posture."""
         return Tuning(system, goal, system.robot.home, bandwidth, damping_ratio)

@@ -79,9 +79,11 @@ def _find_example(name: str, loader: Any) -> Description:
     relative = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
     root = Path(getModelPath(str(relative)))
     semantic = root / loader.path / loader.srdf_subpath / loader.srdf_filename if loader.srdf_filename else None
+    posture = homes().get(name)
     return Description(
         name,
         root / relative,
+        extras={} if posture is None else {"home": posture},
         semantic_path=semantic if semantic and semantic.is_file() else None,
         reference_posture=loader.ref_posture,
         has_rotor_parameters=loader.has_rotor_parameters,
@@ -108,5 +110,15 @@ def _urdf_directory() -> Path:
 @cache
 def table() -> dict[str, Any]:
     """Return robots.toml: what is known of each shipped robot, by name."""
-    content: dict[str, Any] = tomllib.loads((_urdf_directory() / "robots.toml").read_text(encoding="utf-8"))
+    return _read("robots.toml")
+
+
+@cache
+def homes() -> dict[str, list[float]]:
+    """Return homes.toml: home postures for arms of example-robot-data, by name [rad]."""
+    return _read("homes.toml")
+
+
+def _read(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = tomllib.loads((_urdf_directory() / name).read_text(encoding="utf-8"))
     return content

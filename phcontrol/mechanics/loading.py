@@ -111,7 +111,7 @@ def _build(description: Description, urdf: Urdf, locked_joints: Sequence[str] | 
         raise RobotDescriptionError(f"{description.label}: not a valid URDF: {error}") from error
     _read_rotor_parameters(model, description)
     mimics = {name: joint.mimic for name, joint in joints.items() if joint.mimic is not None}
-    home = _home(model, description)
+    home = _home(model, description, joints)
     if "home" in description.extras:
         free = [name not in mimics for name in list(model.names)[1:]]
         home[free] = description.extras["home"]
@@ -135,9 +135,10 @@ def _read_rotor_parameters(model: pin.Model, description: Description) -> None:
         model.armature = np.asarray(model.rotorInertia) * np.square(np.asarray(model.rotorGearRatio))
 
 
-def _home(model: pin.Model, description: Description) -> Array:
+def _home(model: pin.Model, description: Description, joints: Mapping[str, Joint]) -> Array:
     """Zero, moved inside the limits; where an SRDF gives the reference posture, that one."""
-    home = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
+    limits = model.lowerPositionLimit, model.upperPositionLimit
+    home = np.clip(np.zeros(model.nq), *limits)
     if description.semantic_path is None or description.reference_posture is None:
         return home
     names = list(model.names)[1:]
@@ -156,8 +157,16 @@ def _home(model: pin.Model, description: Description) -> Array:
                 )
             # a continuous joint may be given by its cosine and sine
             angle = math.atan2(values[1], values[0]) if len(values) == 2 else values[0]
-            home[names.index(joint.get("name", ""))] = angle
+            index = names.index(joint.get("name", ""))
+            prismatic = joints[names[index]].kind == "prismatic"
+            home[index] = angle if prismatic else _turned(angle, *(limit[index] for limit in limits))
     return home
+
+
+def _turned(angle: float, lower: float, upper: float) -> float:
+    """Return an angle [rad], a whole turn further where only that is inside the limits."""
+    turns = (angle, angle + 2.0 * math.pi, angle - 2.0 * math.pi)
+    return next((turned for turned in turns if lower <= turned <= upper), angle)
 
 
 def _locked_angles(

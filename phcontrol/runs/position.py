@@ -1,4 +1,4 @@
-"""Any law on any arm, from rest at home: to a posture, or along a trajectory. The first thing to try."""
+"""Any law on any arm, from rest at home: led to a posture, or along a trajectory. The first thing to try."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import find_law, make_controller
-from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
@@ -27,13 +26,20 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
-from phcontrol.trajectories.limits import LimitReport, check_limits
+from phcontrol.trajectories.limits import LimitReport, check_limits, check_samples
+from phcontrol.trajectories.minimum_jerk import MinimumJerk
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REACHABLE = {"pera": (-0.3, 1.0, -0.3, -0.9, 0.3, -1.2, 0.2), "pera_shoulder": (1.0, 0.5), "pera_gripper": (0.6,)}
 """Postures inside the joint limits, for the shipped arms [rad]."""
+
+LEADING = {"reference", "potential"}
+"""Arguments of laws that say otherwise along what they go."""
+
+ON_LIMIT = 1e-6
+"""How far beyond a limit a run still counts as on it, relative to the limit (or to 1): what integrating may add."""
 
 LONGEST_STEP, SHORTEST_STEP = 1e-3, 1e-4
 """Steps of the integrator that are chosen on their own [s]."""
@@ -51,6 +57,19 @@ class PositionRun:
     robot: Robot
     limits: LimitReport | None = None
     """What the trajectory asks of the arm; None for a law that has none."""
+
+    @property
+    def departures(self) -> list[str]:
+        """Where the run left the arm's position, velocity and effort limits, in words; empty where it kept them."""
+        log, robot = self.log, self.robot
+        found = check_samples(robot, log.time, log.position, log.velocity, log.torque, rounding=ON_LIMIT).violations
+        lines = [
+            f"{peak.quantity} of {peak.joint} {_amount(peak.value, peak.quantity, robot, peak.joint)} at "
+            f"{peak.time:.3g} s, limit {peak.limit:.3g}"
+            for peak in found
+        ]
+        cut = int(log.saturated.sum())
+        return lines + ([f"torque limits cut the law's torque at {cut} of {len(log)} samples"] if cut else [])
 
     @property
     def final_error(self) -> float:
@@ -78,17 +97,30 @@ class PositionRun:
         """Largest growth of H_d from one sample to the next [J]; not positive for a passive loop."""
         return float(np.diff(self.log.storage).max())
 
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed of a joint over its velocity limit; 0 where joints have none."""
+        return float((np.abs(self.log.velocity) / self.robot.velocity_limit).max())
+
+    @property
+    def overshoot(self) -> float:
+        """How far a joint goes beyond where it should be in the end, over its way, of the joints that move most.
+
+        Joints whose way is less than a tenth of the longest are left out: what moves others moves them further.
+        """
+        goal = self.goal if self.goal.ndim == 1 else self.goal[-1]
+        way = self.robot.difference(goal, self.log.position[0])
+        beyond = self.robot.difference(self.log.position, goal) * np.sign(way)
+        moved = np.abs(way) >= 0.1 * np.abs(way).max()
+        if not np.abs(way).max() > 0.0:
+            return 0.0
+        return float((np.maximum(0.0, beyond.max(axis=0))[moved] / np.abs(way[moved])).max())
+
     def summary(self) -> str:
         """Return what a reader wants to know, in a few lines."""
         log, robot = self.log, self.robot
-        peak = np.abs(log.velocity).max(axis=0)
-        fast = [
-            f"{name} {value:.2f} of {limit:.2f} rad/s"
-            for name, value, limit in zip(robot.joint_names, peak, robot.velocity_limit, strict=True)
-            if value > limit
-        ]
         balance = log.power_balance("plant")
-        grew = self.largest_storage_step
+        departures, grew = self.departures, self.largest_storage_step
         never = grew <= max(1e-9 * float(log.storage.max()), 1e-12)
         follows = [] if self.limits is None else [
             f"  error on the way   {self.errors.max():.2e} rad at most, "
@@ -104,8 +136,8 @@ class PositionRun:
                 *follows,
                 f"  plant's power      balances to {balance.largest_residual:.1e} W "
                 f"({balance.relative_residual:.1e} of the largest power)",
-                f"  torque limits      acted on {int(log.saturated.sum())} of {len(log)} samples",
-                f"  velocity limits    {'kept' if not fast else 'exceeded: ' + ', '.join(fast)}",
+                f"  largest speed      {self.largest_speed:.2f} of the velocity limit",
+                f"  limits             {'kept' if not departures else 'LEFT: ' + '; '.join(departures)}",
                 f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s, "
                 f"steps of {1e3 * log.metadata['dt']:.3g} ms)",
                 "",
@@ -132,6 +164,14 @@ class PositionRun:
         from phcontrol.visualization.plots import run_figure
 
         return run_figure(self.log, self.robot, self.goal, title)
+
+
+def _amount(value: float, quantity: str, robot: Robot, joint: str) -> str:
+    """Return a number with its unit."""
+    units = {"position": "rad", "velocity": "rad/s", "torque": "N·m"}
+    if robot.prismatic and robot.prismatic[robot.joint_index(joint)]:
+        units = {"position": "m", "velocity": "m/s", "torque": "N"}
+    return f"{value:.3g} {units[quantity]}"
 
 
 def reachable_goal(robot: Robot) -> Array:
@@ -181,36 +221,50 @@ def run_position(
     dt: float | None = None,
     integrator: str = "rk4",
     control_period: float | None = None,
+    step: bool = False,
     **simulation: Any,
 ) -> PositionRun:
     """Let a law act on an arm that rests at home, and certify it there.
 
+    A law that holds a position is led to the goal by a minimum-jerk reference, at up to half of the velocity limits.
+
     Args:
         system: the arm.
         controller: a law's name, as ``make_controller`` takes it.
-        goal: [rad]; by default a reachable posture of the arm. A tracking law goes there by minimum jerk, unless
-            ``options`` has another trajectory.
+        goal: [rad]; by default a reachable posture of the arm.
         duration: [s].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
-        options: gains of the law, replacing the defaults.
+        options: gains and references of the law, replacing the defaults.
         dt: step of the integrator [s]; by default 1 ms, or less where the friction asks for it (``stable_step``).
         integrator: as in ``simulate``.
         control_period: as in ``simulate``.
+        step: give the goal at once, as a jump, in place of a reference: force feedback and integral action must
+            overshoot it.
         simulation: passed on to ``simulate``.
     """
     if issubclass(find_law(controller).law, VisualServo):
         raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
-    law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **(options or {}))
-    step = stable_step(law, posture, integrator, control_period) if dt is None else dt
-    simulation |= {"dt": step, "integrator": integrator, "control_period": control_period}
-    start = time.perf_counter()
+    chosen = dict(options or {})
+    if not step and _can_be_led(controller, chosen):
+        start = system.robot.position(simulation.get("q0", system.robot.home), "q0")
+        chosen["reference"] = MinimumJerk.within_limits(system.robot, start, posture)
+    law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **chosen)
+    dt = stable_step(law, posture, integrator, control_period) if dt is None else dt
+    simulation |= {"dt": dt, "integrator": integrator, "control_period": control_period}
+    begun = time.perf_counter()
     log = simulate(system, law, duration=duration, **simulation)
-    wall_time = time.perf_counter() - start
-    if not isinstance(law, TrajectoryTracking):
-        return PositionRun(log, certify(law, system, samples=samples), posture, wall_time, system.robot)
-    certificate = certify(law.unheld, system, samples=samples)
-    desired = np.array([law.trajectory.at(float(t)).position for t in log.time])
-    limits = check_limits(law.trajectory, system)
-    return PositionRun(log, certificate, desired, wall_time, system.robot, limits)
+    wall_time = time.perf_counter() - begun
+    certificate, trajectory = certify(law.unheld, system, samples=samples), law.led_along
+    if trajectory is None:
+        return PositionRun(log, certificate, posture, wall_time, system.robot)
+    desired = np.array([trajectory.at(float(t)).position for t in log.time])
+    return PositionRun(log, certificate, desired, wall_time, system.robot, check_limits(trajectory, system))
+
+
+def _can_be_led(controller: str, options: dict[str, Any]) -> bool:
+    """Whether a law takes a trajectory of the joints for its goal, and is not given another or another potential."""
+    law = find_law(controller).law
+    takes = law.parameters.keys()
+    return {"goal", "reference"} <= takes and "trajectory" not in takes and not options.keys() & LEADING

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phcontrol._validation import Array, count, positive
+from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
@@ -80,11 +81,26 @@ def check_limits(
     rows = [trajectory.at(float(t)) for t in times]
     position, velocity = np.array([row.position for row in rows]), np.array([row.velocity for row in rows])
     torque = np.array([_torque(system, *row) for row in rows])
-    robot = system.robot
+    return check_samples(system.robot, times, position, velocity, torque)
+
+
+def check_samples(
+    robot: Robot, times: Array, position: Array, velocity: Array, torque: Array, *, rounding: float = ROUNDING
+) -> LimitReport:
+    """Compare samples of a motion with the robot's position, velocity and torque limits.
+
+    Args:
+        robot: the arm.
+        times: of the samples, shape (N,) [s].
+        position: shape (N, n) [rad].
+        velocity: shape (N, n) [rad/s].
+        torque: shape (N, n) [N·m].
+        rounding: how far beyond a limit still counts as on it, relative to the limit (or to 1).
+    """
     peaks = [
-        *_peaks(system, "position", times, position, robot.lower, robot.upper),
-        *_peaks(system, "velocity", times, velocity, -robot.velocity_limit, robot.velocity_limit),
-        *_peaks(system, "torque", times, torque, -robot.effort_limit, robot.effort_limit),
+        *_peaks(robot, "position", times, position, robot.lower, robot.upper, rounding),
+        *_peaks(robot, "velocity", times, velocity, -robot.velocity_limit, robot.velocity_limit, rounding),
+        *_peaks(robot, "torque", times, torque, -robot.effort_limit, robot.effort_limit, rounding),
     ]
     return LimitReport(tuple(peaks))
 
@@ -95,16 +111,16 @@ def _torque(system: MechanicalSystem, position: Array, velocity: Array, accelera
 
 
 def _peaks(
-    system: MechanicalSystem, quantity: str, times: Array, values: Array, lower: Array, upper: Array
+    robot: Robot, quantity: str, times: Array, values: Array, lower: Array, upper: Array, rounding: float
 ) -> list[JointPeak]:
     peaks = []
-    for joint, column, low, high in zip(system.robot.joint_names, values.T, lower, upper, strict=True):
+    for joint, column, low, high in zip(robot.joint_names, values.T, lower, upper, strict=True):
         if np.isinf(low) and np.isinf(high):
             continue
         excess = np.maximum(column - high, low - column)
         worst = int(np.argmax(excess))
         limit = high if column[worst] - high >= low - column[worst] else low
-        beyond = excess > ROUNDING * max(1.0, abs(limit))
+        beyond = excess > rounding * max(1.0, abs(limit))
         peaks.append(
             JointPeak(
                 quantity, joint, float(column[worst]), float(limit), float(times[worst]), _intervals(times, beyond)

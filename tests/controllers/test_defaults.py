@@ -31,7 +31,6 @@ from phcontrol import (
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.shaping import EMPTY
-from phcontrol.controllers.tuning import Tuning
 from tests.finite_differences import gradient
 
 POSITIONAL = {"self", "system", "frame", "reference", "normal", "force", "source", "transformation", "energy_change",
@@ -53,31 +52,36 @@ def test_options_must_be_named(function):
         assert parameter.kind.name == expected, name
 
 
-def test_inertia_scaled_gains_are_critically_damped_at_four_radians_a_second():
+def drawn_inertia(system, posture):
+    """Twice the mean of M at a posture, at home and at 48 drawn from the limits."""
+    generator = np.random.default_rng(0)
+    drawn = [system.robot.random_position(generator) for _ in range(48)]
+    return 2.0 * np.mean([system.at(q).mass_matrix for q in (posture, system.robot.home, *drawn)], axis=0)
+
+
+def test_default_gains_are_made_from_the_mean_inertia():
     system = MechanicalSystem(load_robot("pera"), friction=None)
-    inertia = system.at(system.robot.home).mass_matrix.diagonal()
-    home = system.robot.home
-    tuning = Tuning(system, home, home, 4.0, 1.0)
-    stiffness, damping = tuning.stiffness, tuning.damping
-    np.testing.assert_allclose(stiffness, 16.0 * inertia)
-    np.testing.assert_allclose(damping, 8.0 * inertia)  # 2 ω M
+    goal = system.robot.near_home()
+    law = make_controller("energy_shaping", system, goal)
+    inertia = drawn_inertia(system, goal).diagonal()
+    np.testing.assert_allclose(law.stiffness, np.diag(16.0 * inertia))
+    np.testing.assert_allclose(law.damping, np.diag(8.0 * inertia), atol=1e-12)  # 2 ω M_d
 
 
 def test_friction_around_rest_makes_the_gains_stiffer(pera):
-    x = pera.at(pera.robot.home)
-    inertia = x.mass_matrix.diagonal()
-    tuning = Tuning(pera, pera.robot.home, pera.robot.home, 4.0, 1.0)
-    stiffness, damping = tuning.stiffness, tuning.damping
-    np.testing.assert_allclose(stiffness, np.maximum(16.0 * inertia, 0.8 * x.damping))
-    np.testing.assert_allclose(damping, 2.0 * np.sqrt(stiffness * inertia))
-    assert (stiffness > 17.0 * inertia).any()
+    goal = pera.robot.near_home()
+    law, x, inertia = make_controller("energy_shaping", pera, goal), pera.at(goal), drawn_inertia(pera, goal).diagonal()
+    expected = np.maximum(16.0 * inertia, 0.8 * x.damping)
+    np.testing.assert_allclose(law.stiffness, np.diag(expected))
+    np.testing.assert_allclose(law.damping, np.diag(2.0 * np.sqrt(expected * inertia)), atol=1e-12)
+    assert (expected > 17.0 * inertia).any()
 
 
 @pytest.mark.parametrize(
     ("law", "expected"),
     [
-        ("force_feedback", {"coupling": 0.5, "force_gain": 2.0}),
-        ("integral_action", {"coupling": 0.5, "force_gain": 2.0, "integral_gain": 1.0}),
+        ("force_feedback", {"coupling": 0.5, "force_gain": 1.0}),
+        ("integral_action", {"coupling": 0.5, "force_gain": 1.0, "integral_gain": 1.0}),
         ("impedance_grasping", {"stiffness": 1.0, "rest_stiffness": 0.5}),
         ("force_control", {"coupling": 1.0, "force_gain": 1.0}),
     ],

@@ -1,0 +1,49 @@
+"""Arms on which default gains are tried: those of the catalogue, and generated chains."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from phcontrol import MechanicalSystem, load_robot
+
+FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
+ROTORS = {"armature": 0.05}  # where friction is described without them
+CATALOGUE = {
+    "pera": {}, "pera_shoulder_elbow": {}, "pera_shoulder": {}, "pera_gripper": {}, "pera_with_gripper": {},
+    "panda": {"locked_joints": FINGERS}, "ur3": {}, "ur3_gripper": {}, "ur5": {}, "ur10": {}, "kinova": {},
+    "xarm7": ROTORS, "z1": ROTORS, "talos_arm": ROTORS, "asr_twodof": {}, "finger_edu": {},
+    "double_pendulum_continuous": ROTORS, "bravo7_no_ee": {},
+}  # fmt: skip
+CHAINS = {"chain of 14": 14, "chain of 30": 30}
+
+
+@cache
+def arm(name: str) -> MechanicalSystem:
+    """Return an arm of the catalogue, or a chain."""
+    if name in CHAINS:
+        return chain(CHAINS[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return MechanicalSystem(load_robot(name, **CATALOGUE[name]))
+
+
+def chain(n: int) -> MechanicalSystem:
+    """Return n links of 1 kg and 10 cm, each about x or y of the one before, without friction and without rotors."""
+    axes = np.random.default_rng(0).choice(["1 0 0", "0 1 0"], size=n)
+    links = "".join(
+        f'<link name="l{k + 1}"><inertial><origin xyz="0 0 0.05"/><mass value="1"/>'
+        f'<inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="j{k + 1}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<origin xyz="0 0 {0.1 if k else 0.0}"/><axis xyz="{axis}"/>'
+        f'<limit lower="-2" upper="2" effort="1000" velocity="3"/></joint>'
+        for k, axis in enumerate(axes)
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"chain{n}.urdf")
+        path.write_text(f'<robot name="chain{n}"><link name="l0"/>{links}</robot>')
+        return MechanicalSystem(load_robot(path))
