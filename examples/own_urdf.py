@@ -1,6 +1,7 @@
 """Your own arm: python own_urdf.py path/to/arm.urdf [joint to lock ...]. Without arguments, a Kinova.
 
-Certifies force feedback on it, leads it to a posture near its home within its velocity limits; writes own_urdf.html.
+Certifies force feedback on it, leads it to a posture near its home within its velocity limits, and writes
+own_urdf.html.
 """
 
 import sys

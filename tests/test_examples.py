@@ -24,7 +24,7 @@ def run(name, folder, monkeypatch):
 def test_position_control(tmp_path, monkeypatch):
     it = run("position_control.py", tmp_path, monkeypatch)
     assert it["certificate"].passed
-    error = abs(it["log"].position - it["controller"].goal).max(axis=1)
+    error = abs(it["log"].position - it["goal"]).max(axis=1)
     assert error[it["before"]][-1] < 1e-4
     assert 1e-4 < error[it["after"]].max() < 0.01  # the load is felt
     assert error[-1] < 1e-5  # and taken up

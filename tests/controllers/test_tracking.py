@@ -159,7 +159,7 @@ def test_every_arm_with_continuous_and_mimic_joints_converges():
         system = make_system(arm)
         law = make_controller("tracking", system)
         turned = law.trajectory.at(0.0).position + np.where(system.robot.continuous, 6.0 * np.pi, 0.0) + 0.01
-        log = simulate(system, law, duration=6.0, dt=4e-3, q0=turned, torque_limit=None)
+        log = simulate(system, law, duration=6.0, dt=2e-3, q0=turned, torque_limit=None)
         x = system.at(log.position[-1])
         assert np.abs(x.position_error(law.trajectory.at(log.time[-1]).position)).max() < 1e-4
         wound = np.abs(log.position[-1] - turned)[system.robot.continuous]
