@@ -19,7 +19,8 @@ from phcontrol.cli.texts import settings_of
 from phcontrol.controllers.law_error import LawError, errors_of
 from phcontrol.controllers.registry import CONTROLLERS, Entry, all_laws, make_controller
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.runs.certificate_survey import SurveyRow, every_arm, markdown, survey
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.runs.certificate_survey import SurveyRow, every_arm, markdown, survey, survey_of_compositions
 
 ALL_FORMS = tuple(dict.fromkeys(form for entry in CONTROLLERS.values() for form in entry.law.forms))
 
@@ -35,6 +36,9 @@ def certify(
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
+    composed: Annotated[
+        bool, typer.Option("--compositions", help="About every potential and along every reference: a table.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Hold a law's promise against the arm's true motion, at states where laws go wrong. Exit code 1 if it fails."""
@@ -46,9 +50,16 @@ def certify(
     if robot == "all":
         if lock or armature is not None or settings:
             raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
+        if composed:
+            raise InvalidArgumentError("--compositions", "takes one robot")
         _certify_every_arm(laws, interconnection, samples, seed, as_json)
         return
     system, options = system_of(robot, lock, armature), settings_of(settings, "interconnection")
+    if composed:
+        if settings or as_json:
+            raise InvalidArgumentError("--compositions", "takes neither --set nor --json")
+        _certify_compositions(system, list(laws), interconnection, samples, seed)
+        return
     labelled, left_out, broken = [], [], False
     for name, entry in laws.items():
         forms = entry.law.forms if interconnection == "all" else (interconnection,)
@@ -97,6 +108,16 @@ def _laws(controller: str) -> dict[str, Entry]:
 def _forms(laws: dict[str, Entry]) -> tuple[str, ...]:
     """Return every form of J̄₂ that some of the laws know."""
     return tuple(dict.fromkeys(form for entry in laws.values() for form in entry.law.forms))
+
+
+def _certify_compositions(system: MechanicalSystem, names: list[str], form: str, samples: int, seed: int) -> None:
+    typer.echo("| robot | law | potential | reference | matching | verdict |\n|---|---|---|---|---|---|")
+    passed = []
+    for row in survey_of_compositions(system, names, form=form, samples=samples, seed=seed):
+        typer.echo(str(row))
+        passed.append(row.passed)
+    if not all(passed):
+        raise typer.Exit(1)
 
 
 def _certify_every_arm(laws: dict[str, Entry], form: str, samples: int, seed: int, as_json: bool) -> None:

@@ -12,6 +12,7 @@ from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.runs.compositions import Composition, compositions
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,46 @@ def survey(
                 continue
             certificates = tuple(certify(each, system, samples=samples, seed=seed) for each in made)
             yield SurveyRow(name, system.n, law, certificates)
+
+
+@dataclass(frozen=True)
+class ComposedRow:
+    """A composition on an arm: one certificate for each form of its J̄₂."""
+
+    robot: str
+    composition: Composition
+    certificates: tuple[Certificate, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether all passed."""
+        return all(certificate.passed for certificate in self.certificates)
+
+    def __str__(self) -> str:
+        """Return a line of the Markdown table."""
+        composed, worst = self.composition, max(certificate.matching_residual for certificate in self.certificates)
+        verdict = next((each.verdict for each in self.certificates if not each.passed), self.certificates[0].verdict)
+        cells = (self.robot, composed.law, composed.potential, composed.reference, f"{worst:.1e}", verdict.lower())
+        return "| " + " | ".join(cells) + " |"
+
+
+def survey_of_compositions(
+    system: MechanicalSystem, laws: Sequence[str], *, form: str = "all", samples: int = 20, seed: int = 0
+) -> Iterator[ComposedRow]:
+    """Certify every potential, along every reference, under every law that can be composed for an arm.
+
+    Args:
+        system: the arm.
+        laws: registered names; those that are not composed are left out.
+        form: one form of J̄₂ for all, or "all" that each law knows.
+        samples: states of each certificate.
+        seed: of the random states.
+    """
+    for composed in compositions(system, laws):
+        forms = find_law(composed.law).law.forms if form == "all" else (form,)
+        made = (composed.make(system, each) for each in forms)
+        certificates = tuple(certify(law, system, samples=samples, seed=seed) for law in made)
+        yield ComposedRow(system.robot.name, composed, certificates)
 
 
 def markdown(rows: Iterable[SurveyRow], forms: Sequence[str]) -> Iterator[str]:
