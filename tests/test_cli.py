@@ -160,6 +160,41 @@ def test_certificates_of_every_arm(monkeypatch):
     assert [row["verdict"] for row in data] == ["passed", "passed", "refused"]
 
 
+@pytest.mark.parametrize("law", ["energy_shaping", "force_feedback", "integral_action", "impedance_grasping"])
+def test_run_leads_to_the_goal_within_the_velocity_limits(tmp_path, law):
+    """Nothing is left of the error on the way, and no joint is faster than half of its limit."""
+    result = run("run", law, "--robot", "ur5", "--duration", "2", "--samples", "3", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    log, robot = Log.load(tmp_path / "log.npz"), load_robot("ur5")
+    assert (np.abs(log.velocity) <= 0.501 * robot.velocity_limit).all()
+    np.testing.assert_allclose(log.position[-1], robot.near_home(), atol=1e-9)
+    assert "limits             kept" in result.output
+    assert "warning" not in result.output
+
+
+def test_a_step_is_given_only_when_asked_for_and_a_run_that_leaves_a_limit_is_exit_code_1(tmp_path):
+    fingers = ["--lock", "panda_finger_joint1", "--lock", "panda_finger_joint2"]
+    quick = ["--duration", "1", "--samples", "3", "--out", str(tmp_path)]
+    result = run("run", "force_feedback", "--robot", "panda", *fingers, *quick, "--step")
+    assert result.exit_code == 1
+    assert "warning: --step: the goal jumps" in result.output
+    assert re.search(r"warning: the run left the limits of panda: velocity of panda_joint\d", result.output)
+    assert "PASSED" in result.output  # it is not the certificate
+
+
+def test_a_goal_outside_the_position_limits_is_exit_code_1(tmp_path):
+    result = run("run", "energy_shaping", *QUICK[:2], "--goal", "2,0", "--duration", "6", "--samples", "3",
+                 "--out", str(tmp_path))  # fmt: skip
+    assert result.exit_code == 1
+    assert re.search(r"warning: .*position of shoulder_pitch 2 rad at .* limit 1.57", result.output)
+
+
+def test_a_torque_that_its_limits_cut_is_exit_code_1(tmp_path):
+    result = run("run", "energy_shaping", *QUICK, "--step", "--set", "stiffness=1000", "--out", str(tmp_path))
+    assert result.exit_code == 1
+    assert re.search(r"warning: .*torque limits cut the law's torque at \d+ of 201 samples", result.output)
+
+
 def test_a_failed_certificate_is_exit_code_1(monkeypatch):
     from phcontrol import EnergyShaping
     from phcontrol.controllers.registry import Entry
