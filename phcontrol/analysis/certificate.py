@@ -87,6 +87,8 @@ class Certificate:
     """The most that what drives the loop brings into H_d at the sampled states [W]; None without a drive."""
     jump_at_switches: float | None = None
     """Largest change of H_d where another law takes over, at some of the sampled states [J]; None without a switch."""
+    jump_at_half_turns: float | None = None
+    """Largest jump of H_d where a continuous joint is half a turn from its goal, at some of them [J]; None for none."""
     error: str = ""
     """What the law raised where it should have answered."""
     conditions: dict[str, float] = field(default_factory=dict)
@@ -193,6 +195,7 @@ class Certificate:
             "driven_by": self.driven_by,
             "drive_power": self.drive_power,
             "jump_at_switches": self.jump_at_switches,
+            "jump_at_half_turns": self.jump_at_half_turns,
             "caveat": self.caveat,
             "error": self.error,
             "conditions": {name: _finite_or_none(value) for name, value in self.conditions.items()},
@@ -217,6 +220,11 @@ class Certificate:
             *(
                 [f"  at its switches H_d jumps by up to {self.jump_at_switches:.3g} J at the sampled states"]
                 if self.jump_at_switches is not None
+                else []
+            ),
+            *(
+                [f"  half a turn off in a continuous joint H_d jumps by up to {self.jump_at_half_turns:.3g} J"]
+                if self.jump_at_half_turns is not None
                 else []
             ),
             *([f"  not claimed: {self.caveat}"] if self.caveat else []),

@@ -23,11 +23,11 @@ from phcontrol.analysis.certificate import (
     Certificate,
     Check,
 )
-from phcontrol.analysis.continuity import depth_around, jump_at_switches, largest_jump
+from phcontrol.analysis.continuity import depth_around, jump_at_half_turns, jump_at_switches, largest_jump
 from phcontrol.analysis.invariance import change_of_drive, change_with_force, change_with_time
 from phcontrol.analysis.matching import StateFigures, described, examine, worst_power, worst_residual
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error
+from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error, starting_gain
 from phcontrol.analysis.promised import undetermined
 from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
 from phcontrol.analysis.rest_point import ENVIRONMENT_FREQUENCIES, MARGINAL, STABLE, UNSTABLE, RestPoint, find_rest
@@ -119,6 +119,7 @@ class _Examination:
         self._checks: list[Check] = []
         self._at: SampledState | None = None
         self._switching: float | None = None
+        self._turning: float | None = None
         self._brought: float | None = None
 
     def certificate(self, log: Log | None) -> Certificate:
@@ -153,6 +154,7 @@ class _Examination:
             caveat=law.caveat,
             drive_power=self._brought,
             jump_at_switches=self._switching,
+            jump_at_half_turns=self._turning,
             error=error,
             conditions=conditions,
         )
@@ -200,6 +202,7 @@ class _Examination:
         jump, where = largest_jump(law, plant, states)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
         self._switching = jump_at_switches(law, plant, states)
+        self._turning = jump_at_half_turns(law, plant, states)
         if logs and len(law.phases) == 1 and "features" not in law.needs:  # which near a loss are no smooth run
             yield Check.at_most(
                 "balance of H_d along runs", max(balance_error(run, law, self._units) for run in logs), RUN_TOLERANCE
@@ -212,16 +215,19 @@ class _Examination:
             losses = [each.idleness if here else math.inf for each, here in zip(figures, moving, strict=True)]
             idle = _largest(looked_at, [-each for each in losses], -math.inf)
             yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
-            if not law.time_span:  # figures[0] is the rest point
-                energy = [each.stored for each in figures]
-                usual = float(np.quantile(np.abs(energy), 0.75))
-                deeper = _largest(looked_at, [(energy[0] - each) / max(usual, 1e-300) for each in energy])
-                if law.active(0.0) is law:
-                    below = depth_around(law, plant, self._units, rest) / max(usual, 1e-300)
-                    deeper = deeper if deeper.value >= below else Worst(below, "rest beside the goal")
-                yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
+        energy = [each.stored for each in figures]
+        usual = float(np.quantile(np.abs(energy), 0.75))
+        if not law.time_span and not rest.in_contact and not law.driven_by:  # figures[0] is the rest point
+            deeper = _largest(looked_at, [(energy[0] - each) / max(usual, 1e-300) for each in energy])
+            if law.active(0.0) is law:
+                below = depth_around(law, plant, self._units, rest) / max(usual, 1e-300)
+                deeper = deeper if deeper.value >= below else Worst(below, "rest beside the goal")
+            yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
+            if not law.lacks_minimum:
                 start = self._start_energy(looked_at[0]) / max(usual, 1e-300)
                 yield Check.at_most("energy of the law's initial state", start, MATCHING_TOLERANCE)
+        started = starting_gain(law, plant, states, usual)
+        yield Check.at_most("energy that it starts with", started.value, MATCHING_TOLERANCE, started.where)
         yield from self._drive(looked_at, figures)
 
     def _start_energy(self, rest: SampledState) -> float:

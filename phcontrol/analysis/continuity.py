@@ -19,6 +19,8 @@ from phcontrol.mechanics.system import MechanicalSystem
 
 _FAR, _LOOKS = 1.5, 65  # from rest, in natural units, and how often on each line
 _CHORDS = 24
+_BESIDE = 1e-9  # a half turn [rad]
+_SAME = 1e-6  # of H_d: what it changes by on that way without a jump
 _HANDED_OVER, _LEAST_HANDED_OVER = 128, 4  # states at which laws hand over to the next, all and at each switch
 _POINTS = 33  # on a chord
 _SUSPECTS = 3  # intervals that are looked at more closely
@@ -56,6 +58,27 @@ def jump_at_switches(law: Controller, plant: MechanicalSystem, states: Sequence[
             before = here.elsewhere(time=float(np.nextafter(start, 0.0)))
             changes.append(abs(here.elsewhere(time=start).stored() - before.stored()))
     return max(changes)
+
+
+def jump_at_half_turns(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> float | None:
+    """Return the largest jump of H_d where a continuous joint is half a turn from its goal [J]; None for none.
+
+    Errors are wrapped to (−π, π] there. A spring that couples such a joint with others stores more on one side.
+    """
+    if not plant.robot.continuous.any():
+        return None
+    jumps = [0.0]
+    for at in some(states, _HANDED_OVER, plant.n):
+        here, goal = Seen.of(law, plant, at), law.rest_posture(at.time)
+        for joint in np.flatnonzero(plant.robot.continuous):
+            sides = []
+            for side in (-1.0, 1.0):
+                position = np.array(at.position)
+                position[joint] = goal[joint] + side * (np.pi - _BESIDE)
+                sides.append(here.elsewhere(position=position).stored())
+            if abs(sides[1] - sides[0]) > _SAME * max(abs(sides[0]), abs(sides[1])):
+                jumps.append(abs(sides[1] - sides[0]))
+    return max(jumps) or None
 
 
 def depth_around(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint) -> float:

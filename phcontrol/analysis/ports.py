@@ -14,7 +14,8 @@ from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
-_STATES = 4
+_STATES = 4  # of which many questions are asked
+_MANY = 64  # of which one is
 _MOVING = 0.05  # [rad/s]
 
 
@@ -29,16 +30,38 @@ def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[Sample
 
 def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return how far ``passive_port`` is from what target and storage function say, relative to its own terms."""
-    return _worst(_passive_port_error, law, plant, states)
+    return _worst(_passive_port_error, law, plant, states, _MANY)
 
 
 def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
-    """Return by how much moving to ``calmest_state`` raises H_d, relative to H_d; it must not."""
-    return _worst(_calming_gain, law, plant, states)
+    """Return by how much moving to ``calmest_state`` raises H_d, relative to H_d; it must not, at rest neither."""
+    if not law.state_size:
+        return Worst(0.0, "")
+    return Worst.of((_calming_gain(Seen.of(law, plant, at)), at.stratum) for at in some(states, _MANY, plant.n))
+
+
+def starting_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState], usual: float) -> Worst:
+    """Return by how much H_d is higher with the law's initial state than with a state of 0, over what it usually is.
+
+    The law may start anywhere: what it starts with must not be energy that nobody supplied.
+    """
+    if not law.state_size:
+        return Worst(0.0, "")
+    figures = []
+    for at in some(states, _MANY, plant.n):
+        seen = Seen.of(law, plant, at)
+        nothing = seen.elsewhere(state=np.zeros(law.state_size)).stored()
+        started = seen.elsewhere(state=law.initial_state(seen.view)).stored()
+        figures.append(((started - nothing) / max(usual, abs(nothing), 1e-300), at.stratum))
+    return Worst.of(figures)
 
 
 def _worst(
-    figure: Callable[[Seen], float], law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
+    figure: Callable[[Seen], float],
+    law: Controller,
+    plant: MechanicalSystem,
+    states: Sequence[SampledState],
+    count: int = _STATES,
 ) -> Worst:
     """Return the largest figure at a few states in which the arm moves away from its reference, and where.
 
@@ -49,7 +72,7 @@ def _worst(
         for at in states
         if at.stratum != SLIDING and np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max() > _MOVING
     ]
-    return Worst.of((figure(Seen.of(law, plant, at)), at.stratum) for at in some(moving, _STATES, law.system.n))
+    return Worst.of((figure(Seen.of(law, plant, at)), at.stratum) for at in some(moving, count, law.system.n))
 
 
 def _port_error(seen: Seen) -> float:

@@ -102,7 +102,14 @@ class Tuning:
             return self._shaped(diagonal, fastest)
         stiffness, damping = self._shaped(inertia, np.inf)
         share = min(1.0, _HELD / self._held(damping))
-        return share**2 * stiffness, share * damping
+        return share**2 * self._uncoupled(stiffness), share * damping
+
+    def _uncoupled(self, stiffness: Array) -> Array:
+        """Return K_p without what couples a continuous joint to others: there H_d would jump at half a turn."""
+        turns = self.system.robot.continuous
+        keep = ~(turns[:, None] | turns[None, :]) | np.eye(turns.size, dtype=bool)
+        result: Array = np.where(keep, stiffness, 0.0)
+        return result
 
     def _shaped(self, inertia: Array, fastest: float) -> tuple[Array, Array]:
         """Return K_p and C of a design inertia; every mode of (M_d, C, K_p) has the damping ratio ζ.

@@ -8,16 +8,19 @@ import pytest
 from phcontrol import (
     NOTHING,
     Command,
+    Controller,
     EnergyShaping,
     ForceControl,
     ForceFeedback,
     ForceRegulation,
+    Gain,
     ImpedanceGrasping,
     IntegralAction,
     MechanicalSystem,
     Schedule,
     Target,
     TrajectoryTracking,
+    Vector,
     certify,
     load_robot,
 )
@@ -602,3 +605,70 @@ def test_a_schedule_whose_drive_is_a_force_of_0_passes():
     plant = make_system("pera_shoulder")
     laws = [(0.0, EnergyShaping.tuned(plant)), (5.0, ForceControl.tuned(plant, approach_speed=0.3))]
     assert certify(Schedule(laws)).verdict == "PASSED AS DRIVEN"
+
+
+class CalmsFarAwayWrongly(ForceFeedback):
+    """Where z is large its calmest state is twice as far: filters would be told to put energy in."""
+
+    def calmest_state(self, t, x, state):
+        calm = super().calmest_state(t, x, state)
+        return 2.0 * state if np.abs(state).max() > 10.0 else calm
+
+
+class CalmsAtRestWrongly(ForceFeedback):
+    """The same at rest."""
+
+    def calmest_state(self, t, x, state):
+        calm = super().calmest_state(t, x, state)
+        return calm + 5.0 if np.abs(x.velocity).max() < 1e-3 else calm
+
+
+class StartsCharged(ForceFeedback):
+    """Far from its goal, or moving, it starts with energy of its own."""
+
+    def initial_state(self, x):
+        far = np.abs(x.position_error(self.goal)).max() > 0.7
+        return np.full(self.state_size, 100.0 if far else 0.0)
+
+
+class QuarticHill(Controller):
+    """H_d = ½|p̄|² − 2Σq̃⁴: no minimum, as it says, and no bound either."""
+
+    name = "quartic_hill"
+    goal: Vector = Vector("q_d", "rad", tuned=lambda tuning: tuning.goal)
+    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: 1.0)
+
+    lacks_minimum = "a hill"
+
+    def storage(self, t, x, state, measured=NOTHING):
+        return x.kinetic_energy - 2.0 * float((x.position_error(self.goal) ** 4).sum())
+
+    def target(self, t, x, state, measured=NOTHING):
+        error = x.position_error(self.goal)
+        return Target.mechanical(x, self.interconnection, error=error, gradient=-8.0 * error**3, damping=self.damping)
+
+
+@pytest.mark.parametrize(
+    ("law", "line"),
+    [
+        (CalmsFarAwayWrongly, "rise of H_d to the calmest state"),
+        (CalmsAtRestWrongly, "rise of H_d to the calmest state"),
+        (StartsCharged, "energy that it starts with"),
+        (QuarticHill, "depth of H_d below its rest"),
+    ],
+)
+def test_what_the_third_round_found_fails(law, line):
+    certificate = certify(law.tuned(make_system("pera_shoulder")))
+    assert not certificate.passed
+    assert not certificate[line].passed, str(certificate)
+
+
+def test_a_jump_half_a_turn_away_is_said():
+    plant = MechanicalSystem(load_robot("kinova"))
+    apart = EnergyShaping.tuned(plant)
+    coupled = 20.0 * np.eye(plant.n) + 5.0
+    together = EnergyShaping.tuned(plant, stiffness=coupled)
+    assert certify(apart, samples=32).jump_at_half_turns is None
+    certificate = certify(together, samples=32)
+    assert certificate.jump_at_half_turns > 1.0
+    assert "half a turn" in str(certificate)
