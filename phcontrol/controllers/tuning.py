@@ -107,8 +107,9 @@ class Tuning:
     def _uncoupled(self, stiffness: Array) -> Array:
         """Return K_p without what couples a continuous joint to others: there H_d would jump at half a turn."""
         turns = self.system.robot.continuous
-        keep = ~(turns[:, None] | turns[None, :]) | np.eye(turns.size, dtype=bool)
-        result: Array = np.where(keep, stiffness, 0.0)
+        coupled = np.logical_or(turns[:, None], turns[None, :])
+        np.fill_diagonal(coupled, False)
+        result: Array = np.where(coupled, 0.0, stiffness)
         return result
 
     def _shaped(self, inertia: Array, fastest: float) -> tuple[Array, Array]:
