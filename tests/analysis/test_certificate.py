@@ -7,9 +7,13 @@ import pytest
 
 from phcontrol import (
     EnergyShaping,
+    Flag,
     ForceFeedback,
     InvalidArgumentError,
     MechanicalSystem,
+    NonNegative,
+    Positive,
+    PositiveVector,
     StribeckFriction,
     certify,
     load_robot,
@@ -40,16 +44,19 @@ def test_every_law_is_what_it_claims_with_gears_and_coupled_gains(law, form):
     assert certificate.passed, str(certificate)
 
 
+SCALARS = (Flag, NonNegative, Positive, PositiveVector)  # what is no matrix
+
+
 def coupled_gains(law, rng):
     known = CONTROLLERS[law].law.default_gains(make_system("pera_shoulder_elbow"), np.ones(3))
-    gains = {}
+    gains, parameters = {}, CONTROLLERS[law].law.parameters
     for name in known:
         root = rng.normal(size=(3, 3))
         if name == "coupling":
             gains[name] = root + 3.0 * np.eye(3)
         elif name == "force":
             gains[name] = root[0]
-        elif name not in ("goal", "trajectory", "posture_gain"):
+        elif name not in ("goal", "trajectory", "posture_gain") and not isinstance(parameters[name], SCALARS):
             gains[name] = root @ root.T + np.eye(3)
     if "rate" in gains:  # KΛ + ΛᵀK must be positive definite
         gains["rate"] = gains["rate"] @ gains["stiffness"]
