@@ -81,7 +81,7 @@ def test_laws_are_certified_with_it(law):
 
 def test_a_run_balances_its_power_with_it():
     _, system, _ = pair("panda")
-    law = make_controller("tracking", system)
+    law = make_controller("tracking", system, bandwidth=4.0)
     log = simulate(system, law, duration=0.5, q0=system.robot.near_home())
     assert log.power_balance("plant").relative_residual < 1e-6
     assert log.power_balance("storage").relative_residual < 1e-6

@@ -34,11 +34,11 @@ def holds_a_position(name):
 
 
 POSITION_LAWS = {
-    name: {"stiffness": 60.0} if "stiffness" in CONTROLLERS[name].law.parameters else {}
+    name: {"stiffness": 60.0, "damping": 15.0} if "stiffness" in CONTROLLERS[name].law.parameters else {}
     for name in laws_for(make_system("pera_shoulder"))
     if holds_a_position(name)
 }
-POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "rest_stiffness": 3.0}
+POSITION_LAWS["impedance_grasping"] = {"stiffness": 3.0, "damping": 15.0, "rest_stiffness": 3.0}
 
 
 @pytest.mark.parametrize("law", list(POSITION_LAWS))
@@ -94,7 +94,7 @@ def test_integral_action_holds_the_goal_and_finds_the_force(shoulder):
 
 
 def test_total_force_rejection_does_not_feel_the_force(shoulder):
-    controller = make_controller("total_force_rejection", shoulder, goal=[1.0, 0.5])
+    controller = make_controller("total_force_rejection", shoulder, **THESIS)
     pushed, free = (
         simulate(shoulder, controller, duration=1.0, dt=5e-3, disturbance=force) for force in ([3.0, -3.0], [0.0, 0.0])
     )
@@ -113,9 +113,7 @@ def test_sampled_control_converges_to_continuous_control_with_the_period(shoulde
 
 
 def test_sampled_torque_is_held_between_samples(shoulder):
-    log = simulate(
-        shoulder, make_controller("energy_shaping", shoulder, goal=[1, 0.5]), duration=0.1, control_period=0.01
-    )
+    log = simulate(shoulder, make_controller("energy_shaping", shoulder, **THESIS), duration=0.1, control_period=0.01)
     for start in range(0, 100, 10):
         assert (log.torque[start : start + 10] == log.torque[start]).all()
     assert len(np.unique(log.torque[:, 0])) == 11

@@ -25,7 +25,7 @@ from tests.log_files import contents, sealed, text
 @pytest.fixture(scope="module")
 def log():
     system = MechanicalSystem(load_robot("pera_shoulder_elbow"), friction=StribeckFriction(viscous=0.5))
-    controller = make_controller("force_feedback_measured", system, goal=[0.4, -0.3, 0.5])
+    controller = make_controller("force_feedback_measured", system, goal=[0.4, -0.3, 0.5], bandwidth=4.0)
 
     def force(t, x):
         return np.array([np.sin(3.0 * t), 1.0, -np.cos(t)])
