@@ -28,7 +28,7 @@ class BoundedSpring(Controller):
 
     name = "bounded_spring"
     goal: Vector = Vector("q_d", "rad", tuned=lambda tuning: tuning.goal)
-    stiffness: PositiveVector = PositiveVector("k", "N·m/rad", tuned=lambda tuning: tuning.stiffness)
+    stiffness: PositiveVector = PositiveVector("k", "N·m/rad", tuned=lambda tuning: tuning.stiffness.diagonal())
     damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     width: Positive = Positive("w", "rad", default=0.2)
 

@@ -32,6 +32,7 @@ Law = TypeVar("Law", bound="Controller")
 
 _finite_copy = kernels.finite_copy
 _SHIFT_TOLERANCE = 1e-9  # of what p̂ is made of: a θ that does not depend on q̇ leaves rounding
+_AT_REST = 1e-6  # √J: below which a momentum is none
 _STEP = 1e-3  # of the arm's motion [rad], over which θ is differentiated where a law does not state its rate
 
 
@@ -162,7 +163,7 @@ class Controller(Declared, ABC):
             )
         change = np.abs(momentum - x.transformed_momentum - shift)
         scale = np.abs(momentum) + np.abs(x.transformed_momentum) + np.abs(shift)
-        if change.max(initial=0.0) > _SHIFT_TOLERANCE * scale.max(initial=0.0):
+        if change.max(initial=0.0) > _SHIFT_TOLERANCE * max(float(scale.max(initial=0.0)), _AT_REST):
             raise InvalidArgumentError(
                 "target",
                 f"of {self.name} must have the momentum p̂ = p̄ + θ(q, state, t), p̄ = x.transformed_momentum, but "

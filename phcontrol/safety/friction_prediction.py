@@ -30,8 +30,8 @@ class FrictionPrediction:
 
         v⁺ = q̇ + h(M + hθF_v)⁻¹(f − F_v q̇ − s),   θ = 1/(1 − exp(−x)) − 1/x,   x = hF_v(M⁻¹)_jj at home.
 
-    What the inertia couples in it leaves out: the prediction misses up to 2.3 % of a period's change of velocity where
-    viscous friction is stiff (xarm7 with F_v = 10 N·m·s/rad, an armature of 0.01 kg·m² and h = 2 ms), 0.8 % at 1 ms,
+    What the inertia couples in it leaves out: the prediction misses up to 5.4 % of a period's change of velocity where
+    viscous friction is stiff (xarm7 with F_v = 10 N·m·s/rad, an armature of 0.01 kg·m² and h = 2 ms), 1.6 % at 1 ms,
     and 0.1 % with the friction of the other arms.
 
     **Dry**: in one period a joint can pass through many velocities, and s can turn from one end to the other in a

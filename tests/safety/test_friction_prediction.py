@@ -210,7 +210,7 @@ def test_a_filter_that_knows_the_least_friction_keeps_the_limits_with_more():
             assert (np.abs(log.velocity) / system.robot.velocity_limit).max() <= 1.03
 
 
-@pytest.mark.parametrize(("name", "most"), [("xarm7", 0.025), ("z1", 0.002), ("tiago", 0.002)])
+@pytest.mark.parametrize(("name", "most"), [("xarm7", 0.055), ("z1", 0.002), ("tiago", 0.002)])
 def test_what_the_inertia_couples_into_viscous_friction_is_small(name, most):
     """The next velocity under viscous friction alone against the matrix exponential, at 2 ms."""
     system, h = arm(name), 2e-3
