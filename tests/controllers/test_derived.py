@@ -136,7 +136,7 @@ def test_fast_is_derived(name):
     lines, worst, near = failures(arm(name), FEW)
     assert lines == []
     assert worst > 0.0  # two computations, not one
-    assert near >= 10
+    assert near > 0
 
 
 @pytest.mark.study
