@@ -12,6 +12,7 @@ from scipy.linalg import lapack
 from phcontrol._validation import Array
 from phcontrol.mechanics.derivatives import lower_half
 
+_FLOAT = np.dtype(np.float64)
 _dpotrf, _dtrtrs, _dtrtri, _dsygst = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst
 
 
@@ -74,9 +75,14 @@ def feedback(force: Array, stiffness: Array, error: Array, damping: Array, veloc
 
 def finite_copy(value: Any, size: int) -> Array | None:
     """Return a copy of a plain float64 vector of finite numbers, None for anything else."""
-    if type(value) is not np.ndarray or value.shape != (size,) or value.dtype != np.float64:
-        return None
-    if not (value.dtype.isnative and value.flags.aligned and np.isfinite(value).all()):
-        return None
-    copy: Array = value.copy()
-    return copy
+    if (
+        type(value) is np.ndarray
+        and value.dtype is _FLOAT
+        and value.shape == (size,)
+        and value.flags.aligned
+        # NaN or infinity makes the sum so; so may finite numbers close to the largest
+        and (math.isfinite(sum(value.tolist())) or np.isfinite(value).all())
+    ):
+        copy: Array = value.copy()
+        return copy
+    return None
