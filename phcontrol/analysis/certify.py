@@ -41,7 +41,6 @@ from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.controllers.law_error import place_of
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.sensors.measured import measure_truly
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.simulation_error import SimulationError
 
@@ -351,9 +350,12 @@ def _stability(rests: list[RestPoint]) -> str:
 
 def _conditions(controller: Controller, log: Log | None) -> dict[str, float]:
     """Return the smallest value of each condition, at the goal and along a run."""
-    at_rest = controller.system.at(controller.rest_posture(0.0))
-    seen = measure_truly(at_rest, np.zeros(at_rest.system.n), controller.needs, controller.rest_scene(at_rest))
-    conditions = {f"{name}, at the goal": value for name, value in controller.conditions(at_rest, seen).items()}
+    posture, nothing = controller.rest_posture(0.0), np.zeros(controller.system.n)
+    scene = controller.rest_scene(controller.system.at(posture))
+    at_rest = SampledState(0.0, posture, nothing, np.zeros(controller.state_size), nothing, scene, "")
+    seen = Seen.of(controller, controller.system, at_rest)
+    found = controller.conditions(seen.view, seen.measured)
+    conditions = {f"{name}, at the goal": value for name, value in found.items()}
     for k in range(0 if log is None else len(log)):
         assert log is not None
         x = controller.system.at(log.position[k], log.velocity[k])

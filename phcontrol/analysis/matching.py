@@ -27,7 +27,6 @@ _STRETCHES = (
 _CLOSE_ENOUGH = 1e-8  # of a row's terms: then no other step is tried
 _MOVING = 0.75  # quantile of a row's terms that is taken for what they are where things move
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
-_ZERO_PIVOT = 1e-13  # of the terms a pivot is made of: rounding
 _NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
 _SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
 _ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding

@@ -77,18 +77,11 @@ class Aim:
 
     def momentum_shift_rate(self) -> Array | None:
         """Return −d/dt(Tᵀq̇_ref), shape (n,); None for a goal at rest."""
-        if self.reference_velocity is None or self.reference_acceleration is None:
-            return None
-        rate: Array = self.reference_velocity.dot(self.x.factor_rate) + self.reference_acceleration.dot(self.x.factor)
-        return -rate
+        return None
 
     def shift(self, s: Array | None = None, s_rate: Array | None = None) -> tuple[Array | None, Array | None]:
         """Return the s and ṡ of ``Shaping``: those of a law on the error state, less q̇_ref and q̈_ref."""
-        if self.reference_velocity is None or self.reference_acceleration is None:
-            return s, s_rate
-        if s is None or s_rate is None:
-            return -self.reference_velocity, -self.reference_acceleration
-        return s - self.reference_velocity, s_rate - self.reference_acceleration
+        return s, s_rate
 
 
 class LedAim(Aim):
@@ -106,6 +99,9 @@ class LedAim(Aim):
         missed: what q̇_ref lacks of the goal's twist near a singularity; None for nothing.
     """
 
+    reference_velocity: Array
+    reference_acceleration: Array
+
     def __init__(
         self,
         x: MechanicalState,
@@ -118,3 +114,16 @@ class LedAim(Aim):
         self.x, self.potential, self.goal, self.missed = x, potential, goal, missed
         self.reference_velocity, self.reference_acceleration = velocity, acceleration
         self.velocity = x.velocity - velocity
+
+    def momentum_shift_rate(self) -> Array:
+        """Return −d/dt(Tᵀq̇_ref), shape (n,)."""
+        velocity, acceleration = self.reference_velocity, self.reference_acceleration
+        rate: Array = velocity.dot(self.x.factor_rate) + acceleration.dot(self.x.factor)
+        return -rate
+
+    def shift(self, s: Array | None = None, s_rate: Array | None = None) -> tuple[Array, Array]:
+        """Return the s and ṡ of ``Shaping``: those of a law on the error state, less q̇_ref and q̈_ref."""
+        velocity, acceleration = self.reference_velocity, self.reference_acceleration
+        if s is None or s_rate is None:
+            return -velocity, -acceleration
+        return s - velocity, s_rate - acceleration

@@ -370,15 +370,9 @@ class Controller(Declared, ABC):
         return system.robot.home if goal is None else vector("goal", goal, system.n)
 
     @classmethod
-    def tuning(
-        cls,
-        system: MechanicalSystem,
-        goal: Array,
-        bandwidth: float | None = None,
-        damping_ratio: float | None = None,
-    ) -> Tuning:
-        """Return what the default gains are made from, with the arm's inertia at the goal."""
-        return Tuning(system, goal, goal, bandwidth, damping_ratio)
+    def tuning(cls, system: MechanicalSystem, goal: Array, **wish: float | None) -> Tuning:
+        """Return what the default gains are made from, with the arm's inertia at the goal; ``wish`` as there."""
+        return Tuning(system, goal, goal, **wish)
 
     @classmethod
     def default_gains(

@@ -72,16 +72,13 @@ class DynamicExtension(ShapedLaw):
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State ϑ = −A z, the rate of z, and the effort −∂Ψ/∂q − G C ŷ."""
         aim = self.aim(t, x)
-        pull, at_rest = -aim.gradient, self.reference is None
+        pull = -aim.gradient
         driving = pull + self._measurement(measured, "external_force") if self._feels else pull
-        motion = x.transformed_rate(driving) if at_rest else self._motion_rate(x, aim.velocity, driving)
-        state_rate = motion.dot(self._port)
+        state_rate = self._motion_rate(x, aim.velocity, driving).dot(self._port)
         adapted = aim.velocity - x.solve_factor_transposed(self.coupling.dot(state))
-        s, s_rate = (None, None) if at_rest else aim.shift()
         return Shaping(
             pull - x.injected_damping(self.damping, adapted),
-            s,
-            s_rate,
+            *aim.shift(),
             offset_rate=self._negative_coupling.dot(state_rate),
             state_rate=state_rate,
         )

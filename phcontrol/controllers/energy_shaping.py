@@ -47,7 +47,6 @@ class EnergyShaping(PositionLaw):
         self._negative_damping = -self._joint_damping
         self._cancels = self.cancels_external_force
         self._tracks = self.interconnection == "coriolis" and self._trajectory is not None
-        self._spring = self.potential if isinstance(self.potential, JointSpring) else None
 
     @property
     def cancels_external_force(self) -> bool:
@@ -82,8 +81,6 @@ class EnergyShaping(PositionLaw):
         aim = self.aim(t, x)
         effort = self._negative_damping.dot(aim.velocity)
         effort -= aim.gradient
-        if self.reference is None:
-            return Shaping(effort, cancelled_force=known)
         return Shaping(effort, *aim.shift(), cancelled_force=known)
 
     def _tracking_force(self, t: float, x: MechanicalState, spring: JointSpring) -> Array:

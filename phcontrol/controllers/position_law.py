@@ -53,6 +53,11 @@ class PositionLaw(ShapedLaw):
                 goal = taken["reference"].at(taken["reference"].duration).position
         return super().default_gains(system, goal, given=taken, **wish)
 
+    def prepare(self) -> None:
+        """See whether Ψ is a spring on the joints: a goal that can move, a rest length, a faster formula."""
+        super().prepare()
+        self._spring = self.potential if isinstance(self.potential, JointSpring) else None
+
     def shaped(self) -> Potential:
         """Return the potential that is given, or the spring of the joints."""
         if self.potential is not None:

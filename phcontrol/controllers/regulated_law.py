@@ -15,7 +15,6 @@ from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.sensors.measured import Measured
 
 VIRTUAL_POSITION = "virtual_position"
@@ -44,7 +43,6 @@ class RegulatedLaw(PositionLaw):
     def prepare(self) -> None:
         """Check that there is a virtual position to move."""
         super().prepare()
-        self._spring = self.potential if isinstance(self.potential, JointSpring) else None
         if self.regulation is not None and self._spring is None:
             raise InvalidArgumentError("regulation", "moves the goal of a joint spring: give goal and stiffness")
 

@@ -97,15 +97,9 @@ class VisualServo(Controller):
         return _features(FEATURE_GOAL if goal is None else goal)
 
     @classmethod
-    def tuning(
-        cls,
-        system: MechanicalSystem,
-        goal: Array,
-        bandwidth: float | None = None,
-        damping_ratio: float | None = None,
-    ) -> Tuning:
+    def tuning(cls, system: MechanicalSystem, goal: Array, **wish: float | None) -> Tuning:
         """Return what the default gains are made from; they do not depend on the posture."""
-        return Tuning(system, goal, system.robot.home, bandwidth, damping_ratio)
+        return Tuning(system, goal, system.robot.home, **wish)
 
     @property
     def needs(self) -> tuple[str, ...]:

@@ -83,7 +83,6 @@ class MechanicalSystem:
         self.coupling = robot.coupling
         self.has_continuous_joints = bool(robot.continuous.any())
         self.state_type: type[MechanicalState] = MechanicalState if self.coupling is None else CoupledMechanicalState
-        self._shape = (self.n,)
         self._frame_ids: dict[str, int] = {}
 
     def __repr__(self) -> str:
@@ -101,12 +100,12 @@ class MechanicalSystem:
 
         Raises InvalidArgumentError when one has a wrong length or is not finite.
         """
-        q = _finite_copy(position, self.n)
-        v = np.zeros(self.n) if velocity is None else _finite_copy(velocity, self.n)
-        if q is not None and v is not None:
-            return self.state_type(self, q, v)
-        velocity = np.zeros(self.n) if velocity is None else velocity
-        return self.state_type(self, vector("position", position, self.n), vector("velocity", velocity, self.n))
+        if velocity is None:
+            velocity = np.zeros(self.n)
+        q, v = _finite_copy(position, self.n), _finite_copy(velocity, self.n)
+        if q is None or v is None:
+            q, v = vector("position", position, self.n), vector("velocity", velocity, self.n)
+        return self.state_type(self, q, v)
 
     def motor_torque(self, force: Array) -> Array:
         """Return u = G⁻¹f, the torque that acts on the joints as f, shape (n,) [N·m]."""

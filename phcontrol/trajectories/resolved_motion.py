@@ -72,18 +72,14 @@ def resolved_motion(
     return ResolvedMotion(velocity, acceleration, missed)
 
 
-def missed_share(
-    x: MechanicalState,
-    frame: str,
-    rows: int,
-    *,
-    singular_damping: float = DAMPING_SHARE * SINGULAR_REGION,
-    singular_region: float = SINGULAR_REGION,
-    length: float = LENGTH,
-) -> Array:
-    """Return 1 − 𝒥𝒥# = λ²W(𝒥𝒥ᵀ + λ²W)⁻¹, shape (rows, rows): what of a twist is missed; 0 where nothing is damped."""
+def missed_share(x: MechanicalState, frame: str, rows: int) -> Array:
+    """Return 1 − 𝒥𝒥# = λ²W(𝒥𝒥ᵀ + λ²W)⁻¹, shape (rows, rows): what of a twist is missed; 0 where nothing is damped.
+
+    It is that of ``resolved_motion`` as it is by default.
+    """
     jacobian = x.frame_jacobian(frame, "local_world_aligned")[:rows]
-    damping, square = frame_damping(rows, singular_damping, singular_region, length), jacobian.dot(jacobian.T)
+    square = jacobian.dot(jacobian.T)
+    damping = frame_damping(rows, DAMPING_SHARE * SINGULAR_REGION, SINGULAR_REGION, LENGTH)
     damped = damping.at(square)
     if damped is None:
         return np.zeros((rows, rows))
