@@ -21,6 +21,7 @@ _REFERENCE_STEP = 1e-3  # over which q̈_ref is taken of q̇_ref [s]
 _BEND = 1e-3  # of second differences, in natural units
 _ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
 _ITERATIONS = 30
+_SMALLEST_STEP = 1e-2  # in natural units, to which a step that leads away is halved
 _DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
 _FOUND = 1e-8  # of what a natural unit away changes
 _EXACT = 1e-12  # the same, of a zero that cannot be bettered
@@ -177,21 +178,28 @@ class _Neighbourhood:
     # --- what is found ----------------------------------------------------------------------------------
 
     def _root(self, function: Callable[[Array], Array]) -> tuple[Array, bool]:
-        """Return a zero of a function near the rest posture by Gauss-Newton steps, and whether it is one."""
+        """Return a zero of a function near the rest posture, and whether it is one.
+
+        By Gauss-Newton steps, halved where they lead away.
+        """
         y = best = self._start
-        smallest = np.inf
+        smallest, step = np.inf, np.zeros(y.size)
         for _ in range(_ITERATIONS):
             value = function(y)
             if not value.size or not np.isfinite(value).all():
                 break
             left = self._left(function, y, value)
-            if left >= 0.5 * smallest:  # no nearer any more
+            if left < smallest:
+                nearer, smallest, best = left < 0.5 * smallest, left, y
+                if left <= _EXACT or (left <= _FOUND and not nearer):  # no nearer any more
+                    break
+                slope, _ = jacobian(function, y, self._units, _STEPS[0])
+                step = self._units * np.linalg.lstsq(slope * self._units, value, rcond=1e-12)[0]
+            elif smallest <= _FOUND or (np.abs(step) <= _SMALLEST_STEP * self._units).all():
                 break
-            smallest, best = left, y
-            if left <= _EXACT:
-                break
-            slope, _ = jacobian(function, y, self._units, _STEPS[0])
-            y = y - self._units * np.linalg.lstsq(slope * self._units, value, rcond=1e-12)[0]
+            else:
+                step = 0.5 * step
+            y = best - step
         return best, smallest <= _FOUND
 
     def _left(self, function: Callable[[Array], Array], y: Array, value: Array) -> float:

@@ -32,7 +32,7 @@ Law = TypeVar("Law", bound="Controller")
 
 _finite_copy = kernels.finite_copy
 _SHIFT_TOLERANCE = 1e-9  # of what p̂ is made of: a θ that does not depend on q̇ leaves rounding
-_AT_REST = 1e-6  # √J: below which a momentum is none
+_AT_REST = 1e-3  # √J: below which a momentum may be what is left of larger numbers
 _STEP = 1e-3  # of the arm's motion [rad], over which θ is differentiated where a law does not state its rate
 
 

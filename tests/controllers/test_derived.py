@@ -18,15 +18,14 @@ from phcontrol.analysis.state_sampler import StateSampler
 from phcontrol.controllers import controller as base
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.runs.compositions import compositions
-from phcontrol.trajectories.resolved_motion import LENGTH, SINGULAR_REGION, frame_damping
 from tests.conftest import make_system
 
-STEPS = (1e-3, 2e-4, 5e-5)
-"""Of the base's differences of θ [rad]: near singularities of a path θ bends within the region of damping, and the
-first of them, which the base uses, leaves an error of its fourth power."""
+STEPS = (1e-3, 3e-3, 2e-4, 5e-5)
+"""Of the base's differences of θ [rad], its own first: near singularities of a path θ bends within the region of
+damping, and a large step leaves an error of its fourth power; a small one leaves rounding of a large θ over it."""
 BOUND = 1e-10
-NEAR_SINGULAR = 1e-9
-"""There rounding over the smallest step shows: some 1e-15 of θ, which is large, over 5e-5."""
+MOST_UNSURE = 1e-5
+"""What two steps may differ by: more would hide an error."""
 FEW, MANY = 2, 64
 ARMS = ("pera_shoulder_elbow", "ur5", "panda_with_fingers", "geared")
 
@@ -81,23 +80,32 @@ def states(law: Controller, system: MechanicalSystem, samples: int, seed: int) -
     return sampler.draw(2 * samples, seed)[seed % 2 :: 2]
 
 
-def differences(fast: Controller, slow: Controller, at: SampledState) -> dict[str, float]:
-    """Each quantity's difference, relative to its size, at least 1 [N·m, rad/s, W]; the torque's with its best step."""
+def differences(fast: Controller, slow: Controller, at: SampledState) -> tuple[dict[str, float], float]:
+    """Each quantity's difference, relative to its size, at least 1 [N·m, rad/s, W], and how unsure the torque's is.
+
+    The derived torque is the nearest of those with several steps; where none is near enough, the derivation is as
+    unsure as it differs from one step to the next.
+    """
     seen = Seen.of(fast, fast.system, at)
     arguments = at.time, seen.view, at.state, seen.measured
     command, port = fast.evaluate(*arguments), fast.passive_port(*arguments)
     other_port = slow.passive_port(*arguments)
     pairs = {name: (getattr(port, name), getattr(other_port, name)) for name in port._fields}
-    torque = np.inf
+    torques = []
     with pytest.MonkeyPatch.context() as patch:
         for step in STEPS:
             patch.setattr(base, "_STEP", step)
             other = slow.evaluate(*arguments)
-            torque = min(torque, distance(command.torque, other.torque))
-            if torque <= BOUND:
+            torques.append(other.torque)
+            if distance(command.torque, other.torque) <= BOUND:
                 break
     pairs["state rate"] = command.state_rate, other.state_rate
-    return {name: distance(*pair) for name, pair in pairs.items()} | {"torque": torque}
+    nearest = min(torques, key=lambda torque: distance(command.torque, torque))
+    others = sorted(distance(nearest, torque) for torque in torques if torque is not nearest)
+    unsure = others[1] if len(others) == len(STEPS) - 1 else 0.0  # one other may agree by chance
+    return {name: distance(*pair) for name, pair in pairs.items()} | {
+        "torque": distance(command.torque, nearest)
+    }, unsure
 
 
 def distance(first: object, second: object) -> float:
@@ -105,38 +113,28 @@ def distance(first: object, second: object) -> float:
     return float(np.abs(a - b).max(initial=0.0) / max(1.0, np.abs(a).max(initial=0.0)))
 
 
-def bound(law: Controller, at: SampledState) -> float:
-    """Along a path near a singularity rounding shows more."""
-    path = getattr(law, "reference", None)
-    if not hasattr(path, "frame"):
-        return BOUND
-    x, rows = law.system.at(at.position), len(path.at(at.time).twist)
-    jacobian = x.frame_jacobian(path.frame, "local_world_aligned")[:rows]
-    sigma = frame_damping(rows, 1.0, SINGULAR_REGION, LENGTH).distance(jacobian @ jacobian.T)
-    return NEAR_SINGULAR if sigma < 1.5 * SINGULAR_REGION else BOUND
-
-
 def failures(system: MechanicalSystem, samples: int) -> tuple[list[str], float, int]:
-    """What differs by too much, the worst, and how many states near singularities were looked at."""
-    lines, worst, near, seeds = [], 0.0, 0, count()
+    """What differs by too much, the worst, and at how many states the derivation was unsure."""
+    lines, worst, vague, seeds = [], 0.0, 0, count()
     for label, law in every_law(system, samples == MANY):
         slow = derived(law)
         for at in states(law, system, samples, next(seeds)):
-            allowed = bound(law, at)
-            near += allowed > BOUND
-            for quantity, difference in differences(law, slow, at).items():
+            found, unsure = differences(law, slow, at)
+            vague += unsure > 0.0
+            for quantity, difference in found.items():
                 worst = max(worst, difference)
+                allowed = BOUND + (2.0 * min(unsure, MOST_UNSURE) if quantity == "torque" else 0.0)
                 if not difference <= allowed:
                     lines.append(f"{label}: {quantity} {difference:.1e}; {at.stratum}, t = {at.time:.3g} s")
-    return lines, worst, near
+    return lines, worst, vague
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_fast_is_derived(name):
-    lines, worst, near = failures(arm(name), FEW)
+    lines, worst, vague = failures(arm(name), FEW)
     assert lines == []
     assert worst > 0.0  # two computations, not one
-    assert near > 0
+    assert vague < 20  # of some 200 states: beside them the bound is that of rounding
 
 
 @pytest.mark.study
@@ -159,8 +157,11 @@ def test_an_error_of_a_millionth_is_seen(part):
 
     wrong = copy.copy(right)
     wrong.__class__ = Wrong
-    found = [max(differences(wrong, derived(right), at).values()) for at in states(right, system, 8, 0)]
-    assert max(found) > 100.0 * NEAR_SINGULAR
+    found = []
+    for at in states(right, system, 8, 0):
+        differs, unsure = differences(wrong, derived(right), at)
+        found.append(max(differs.values()) / (BOUND + 2.0 * unsure))
+    assert max(found) > 100.0
 
 
 def test_the_derivation_is_of_fourth_order():
@@ -171,7 +172,6 @@ def test_the_derivation_is_of_fourth_order():
     position = np.array(law.rest_posture(0.0))
     position[4] = 1e-3  # two wrist axes nearly in line
     at = SampledState(0.7, position, np.full(6, 0.5), np.zeros(0), np.zeros(6), None, "")
-    assert bound(law, at) == NEAR_SINGULAR
     seen = Seen.of(law, system, at)
     arguments = 0.7, seen.view, at.state, seen.measured
     torque, slow = law.evaluate(*arguments).torque, derived(law)
