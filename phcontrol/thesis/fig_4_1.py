@@ -11,8 +11,10 @@ from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import settling_time, touch_time
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ FORCE = 3.5  # [N·m]
 GAINS: dict[str, Any] = {"force": [FORCE], "coupling": 1.0, "force_gain": 1.0, "damping": 5.0}
 APPROACH_SPEED = 0.21  # [rad/s]
 START, BALL = 0.30, 0.20  # [rad]
+FIT = "ball of 20 N·m/rad and 0.5 N·m·s/rad at 0.20 rad, approach limited to 0.21 rad/s"
 
 
 def run() -> Outcome:
@@ -38,13 +41,12 @@ def run() -> Outcome:
         "force control of the gripper on a squash ball (thesis figure 4.1)",
         logs,
         [
-            Claim("contact", "contact with the ball", "section 4.1.2", (0.50,), (touch_time(log),), "s", 0.02, "E14",
-                  "the thesis's law without feedforward, approach speed limited to 0.21 rad/s (chosen, as are the "
-                  "ball's 20 N·m/rad and 0.5 N·m·s/rad)"),
-            Claim("settled", "f_d = 3.5 is held within 5 %", "section 4.1.2", (1.50,),
-                  (settling_time(log, FORCE),), "s", 0.05, "E14"),
-            Claim("error", "steady-state error of the force", "section 4.1.2", (0.0,),
-                  (abs(float(log.contact_force[-1]) - FORCE),), "N·m", 1e-3, "E14"),
+            Claim("contact", "contact with the ball", Origin.FIGURE, "section 4.1.2, figure 4.1", (0.50,), "s", 0.02,
+                  [Finding((touch_time(log),), "E14", chosen=FIT, fitted=True)]),
+            Claim("settled", "f_d = 3.5 is held within 5 %", Origin.FIGURE, "section 4.1.2, figure 4.1", (1.50,), "s",
+                  0.05, [Finding((settling_time(log, FORCE),), "E14", chosen=FIT, fitted=True)]),
+            Claim("error", "steady-state error of the force", Origin.TEXT, "section 4.1.2, Theorem 4.1.1", (0.0,),
+                  "N·m", 1e-3, [Finding((abs(float(log.contact_force[-1]) - FORCE),), "E14", chosen=FIT)]),
         ],
         {"fig-4-1": lambda: _figure(logs)},
         notes=(

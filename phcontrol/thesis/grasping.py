@@ -21,8 +21,10 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import arrival_time, settling_time
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -138,7 +140,8 @@ def make_laws(system: MechanicalSystem, body: str) -> dict[str, Controller]:
 
 
 def _claim(name: str, statement: str, printed: float, ours: float, unit: str, tolerance: float, reason: str) -> Claim:
-    return Claim(name, statement, "sections 4.2.2 and 4.2.3", (printed,), (ours,), unit, tolerance, "E15", reason)
+    return Claim(name, statement, Origin.FIGURE, "sections 4.2.2 and 4.2.3", (printed,), unit, tolerance,
+                 [Finding((ours,), "E15", "R2")], "=", reason)  # fmt: skip
 
 
 def _position_claims(logs: dict[str, Log], printed: Printed) -> list[Claim]:
@@ -181,19 +184,20 @@ def _force_claims(logs: dict[str, Log], printed: Printed) -> list[Claim]:
         Claim(
             "force-regulated",
             f"f_d reached without steady-state error, {STYLES['regulated'][2]}",
-            "section 4.2.2",
+            Origin.OURS,
+            "our law",
             (FORCE,),
-            (float(logs["regulated"].contact_force[-500:].mean()),),
             "N·m",
             0.01 * FORCE,
-            "E15",
+            [Finding((float(logs["regulated"].contact_force[-500:].mean()),))],
+            "=",
             "by moving q_f with the measured contact force",
         )
     )
     peaks = [float(logs[law].contact_force.max()) for law in ("regulated", "classical-regulated")]
     claims.append(
         Claim("impact-regulated", "peak force of ours over that of the classical law, both regulated alike, is below 1",
-              "section 4.2.2", (0.5,), (peaks[0] / peaks[1],), "", 0.5, "E15",
+              Origin.OURS, "our law", (1.0,), "", 0.0, [Finding((peaks[0] / peaks[1],))], "<=",
               f"{peaks[0]:.2f} and {peaks[1]:.2f} N·m; a soft body is hardly hit, and ours overshoots a little")
     )  # fmt: skip
     return claims

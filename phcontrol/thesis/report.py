@@ -7,8 +7,17 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-CLASSES = {"reproduced": ("good", "reproduced"), "not reproduced": ("bad", "not")}
-MENDED = ("mended", "corrected")
+from phcontrol.thesis.tally import Tally
+from phcontrol.thesis.verdict import Verdict
+
+CLASSES = {
+    Verdict.AS_PRINTED: "good",
+    Verdict.CORRECTED: "mended",
+    Verdict.READING: "mended",
+    Verdict.FITTED: "weak",
+    Verdict.VACUOUS: "weak",
+    Verdict.NOT_REPRODUCED: "bad",
+}
 
 
 def report(results: Mapping[str, Any]) -> str:
@@ -30,13 +39,13 @@ def report(results: Mapping[str, Any]) -> str:
 
 
 def _head(results: Mapping[str, Any]) -> Iterable[str]:
-    verdicts = [claim["verdict"] for study in results["studies"] for claim in study["claims"]]
+    claims = [claim for study in results["studies"] for claim in study["claims"]]
+    theirs, ours = Tally.of_the_thesis(claims), Tally.of_ours(claims)
     rows = [row for row in results["certificates"] if "passed" in row]
     totals = [
-        (verdicts.count("reproduced"), "claims reproduced as printed", "reproduced"),
-        (sum(verdict.startswith("reproduced with") for verdict in verdicts), "with a correction", "corrected"),
-        (verdicts.count("not reproduced"), "not reproduced, each with its reason", "not"),
-        (f"{sum(row['passed'] for row in rows)} of {len(rows)}", "certificates passed", "reproduced"),
+        (f"{theirs.reproduced} of {theirs.total}", f"of the thesis's claims reproduced: {theirs.by_verdict}", "good"),
+        (f"{ours.reproduced} of {ours.total}", "of our own met", "good"),
+        (f"{sum(row['passed'] for row in rows)} of {len(rows)}", "certificates passed", "good"),
     ]  # fmt: skip
     yield "<h1>The thesis, reproduced</h1>"
     yield (
@@ -87,20 +96,19 @@ def _claims(studies: Iterable[Mapping[str, Any]]) -> Iterable[str]:
     yield '<input type="radio" name="show" id="only-mended"><label for="only-mended"> with a correction </label>'
     yield '<input type="radio" name="show" id="only-not"><label for="only-not"> not reproduced </label>'
     yield '<div class="scroll"><table><tr class="head"><th>statement</th><th>where</th><th>thesis</th><th>ours</th>'
-    yield "<th>verdict</th><th>erratum</th></tr>"
+    yield "<th>verdict</th></tr>"
     for study in studies:
         name = escape(study["study"])
         link = f'<a href="#{name}">{name}</a>'
-        yield f'<tr class="study"><td colspan="6">{link}: {escape(study["title"])}{_links(study)}</td></tr>'
+        yield f'<tr class="study"><td colspan="5">{link}: {escape(study["title"])}{_links(study)}</td></tr>'
         for claim in study["claims"]:
-            row, kind = CLASSES.get(claim["verdict"], MENDED)
+            kind, best = CLASSES[Verdict(claim["verdict"])], claim["findings"][claim["best"]]
             reason = f'<div class="reason">{escape(claim["reason"])}</div>' if claim["reason"] else ""
             yield (
-                f'<tr class="{row}"><td>{escape(claim["statement"])}{reason}</td><td>{escape(claim["source"])}</td>'
+                f'<tr class="{kind}"><td>{escape(claim["statement"])}{reason}</td><td>{escape(claim["source"])}</td>'
                 f'<td class="number">{_values(claim["printed"], claim["unit"])}</td>'
-                f'<td class="number">{_values(claim["ours"], claim["unit"])}</td>'
-                f'<td class="{kind}">{"not reproduced" if kind == "not" else "reproduced"}</td>'
-                f"<td>{escape(claim['erratum'])}</td></tr>"
+                f'<td class="number">{_values(best["ours"], claim["unit"])}</td>'
+                f'<td class="{kind}">{escape(claim["verdict_text"])}</td></tr>'
             )
     yield "</table></div>"
 
@@ -135,7 +143,7 @@ def _certificates(rows: Iterable[Mapping[str, Any]]) -> Iterable[str]:
         numbers = "".join(
             f'<td class="number">{"not finite" if row[key] is None else f"{row[key]:.1e}"}</td>' for key in keys
         )
-        verdict = f'<td class="{"reproduced" if row["passed"] else "not"}">{escape(row["verdict"].lower())}</td>'
+        verdict = f'<td class="{"good" if row["passed"] else "bad"}">{escape(row["verdict"].lower())}</td>'
         notes = [f"driven by: {row['driven_by']}"] * bool(row["driven_by"]) + [f"not claimed: {row['caveat']}"] * bool(
             row["caveat"]
         )

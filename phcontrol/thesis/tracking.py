@@ -18,8 +18,10 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import tracking_error
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 from phcontrol.trajectories.sinusoid import Sinusoid
 
@@ -148,12 +150,12 @@ def _position(name: str, logs: dict[str, Log]) -> Outcome:
         "the shoulder follows a sinusoid of 1/30 Hz, simulation (thesis figure 6.1)",
         logs,
         [
-            Claim("on-it-at-10s", f"q is on q_d at 10 s, from {_distance(log, 0.0):.2f} rad", "figure 6.1", (0.0,),
-                  (_distance(sharp, 10.0),), "rad", 2e-4, "E22",
+            Claim("on-it-at-10s", f"q is on q_d at 10 s, from {_distance(log, 0.0):.2f} rad", Origin.FIGURE,
+                  "figure 6.1", (0.0,), "rad", 2e-4, [Finding((_distance(sharp, 10.0),), "E22")], "=",
                   f"with the friction's sign smoothed by {SHARP} rad²/s², where static friction brakes the approach; "
                   f"{_distance(log, 10.0):.1e} rad with {CHOSEN}"),
-            Claim("asymptotic", "q goes to q_d asymptotically: at 60 s", "Theorem 6.1.1", (0.0,),
-                  (max(_distance(log, 60.0), _distance(sharp, 60.0)),), "rad", 1e-10, "E22",
+            Claim("asymptotic", "q goes to q_d asymptotically: at 60 s", Origin.THEOREM, "Theorem 6.1.1", (0.0,),
+                  "rad", 1e-10, [Finding((max(_distance(log, 60.0), _distance(sharp, 60.0)),), "E22")], "=",
                   "what is left is the error of the integrator"),
         ],
         {name: lambda: _position_figure([("q_d and q", log, sinusoid(1 / 30))], "Figure 6.1")},
@@ -175,11 +177,8 @@ def _error(name: str, logs: dict[str, Log]) -> Outcome:
         "the error of figure 6.1, and which error of the model makes it the thesis's (thesis figure 6.2)",
         logs,
         [
-            Claim("error", "the tracking error is ±0.013 rad", "section 6.2", (0.013,),
-                  (peaks[CHOSEN]["exact"],), "rad", 1e-3, "",
-                  "with the exact model the corrected loop has no steady error; see the notes for what makes one"),
-            Claim("error-without-viscous-friction", "the same, if the model lacks the viscous friction",
-                  "section 6.2", (0.013,), (left_out,), "rad", 1e-3, "E22",
+            Claim("error", "the tracking error is ±0.013 rad", Origin.FIGURE, "section 6.2, figure 6.2", (0.013,),
+                  "rad", 1e-3, [Finding((peaks[CHOSEN]["exact"],), "E22"), Finding((left_out,), "E22")], "=",
                   f"F_v A ω/K_t = {1e3 * known:.2f} mrad; counting it twice gives "
                   f"{1e3 * peaks[CHOSEN]['twice-viscous']:.2f} mrad. The thesis does not say what its simulation had"),
         ],
@@ -203,8 +202,9 @@ def _stand_in(name: str, logs: dict[str, Log]) -> Outcome:
     if name == "fig-6-3":
         worst = max(peaks)
         claims = [
-            Claim("below-one-degree", "the error stays below 1° at all three frequencies", "section 6.4", (0.0,),
-                  (worst,), "rad", math.radians(1.0), "E22", "largest of the three in steady state"),
+            Claim("below-one-degree", "the error stays below 1° at all three frequencies", Origin.TEXT, "section 6.4",
+                  (math.radians(1.0),), "rad", 0.0, [Finding((worst,), "E22")], "<=",
+                  "largest of the three in steady state"),
         ]  # fmt: skip
         title = "the shoulder follows sinusoids of three frequencies (stand-in for thesis figure 6.3)"
         figures = {name: lambda: _position_figure(curves, "Figure 6.3, stand-in")}
@@ -212,11 +212,12 @@ def _stand_in(name: str, logs: dict[str, Log]) -> Outcome:
     smaller = sum(fast < slow for fast, slow in itertools.pairwise(peaks))
     claims = [
         Claim("higher-frequency-smaller-error", "a higher frequency means a smaller error (steps where so)",
-              "section 6.3, figure 6.4", (2.0,), (float(smaller),), "of 2", 0.5, "",
+              Origin.FIGURE, "section 6.3, figure 6.4", (2.0,), "of 2", 0.0, [Finding((float(smaller),), "E22")], "=",
               "a friction that is modelled too low leaves an error that grows with the speed, so with the frequency; "
               "an exact model leaves none"),
-        Claim("error-at-slowest", "the error at 1/30 Hz is ±0.017 rad", "section 6.3", (0.017,), (peaks[-1],), "rad",
-              1e-3, "", "20 % of the friction gives less; a model without any friction would give 21 to 33 mrad "
+        Claim("error-at-slowest", "the error at 1/30 Hz is ±0.017 rad", Origin.FIGURE, "section 6.3, figure 6.4",
+              (0.017,), "rad", 1e-3, [Finding((peaks[-1],), "E22")], "=",
+              "20 % of the friction gives less; a model without any friction would give 21 to 33 mrad "
               "(figure 6.2), so ±17 mrad would take one that lacks half of it or more"),
     ]  # fmt: skip
     title = "the errors of figure 6.3 (stand-in for thesis figure 6.4)"

@@ -1,0 +1,11 @@
+"""Where the thesis can be read in more than one way: the readings under which studies run it.
+
+``docs/theory.md`` has the same list, with what speaks for each.
+"""
+
+from __future__ import annotations
+
+READINGS: dict[str, str] = {
+    "R1": "the body stands at 0.20 rad and the virtual position is 0, so that K_p (0.20 - 0) is f_d = 0.20 in (4.39)",
+    "R2": "the virtual position is q_f = 0.20 rad, where the body begins: q̄ = q - 0.20 in (4.59)",
+}
