@@ -74,4 +74,3 @@ def test_where_the_force_would_rest_without_its_cancellation(system):
     log = grasp(law, make_body("rigid", "grasping"), duration=20.0)
     assert log.contact_force[-1] == pytest.approx((0.1 + 3.0) * log.position[-1, 0], rel=1e-3)
     assert log.contact_force[-1] > 0.55
-
