@@ -37,6 +37,7 @@ PRINTED_DAMPING = 0.5  # K_p and C [1/s]
 MOUNTINGS = 2000
 BOUNDS = (1e-3, 1e-4, 1e-5)  # [m]
 POSTURE = "q(0) = (0, 0.7, -1.8) rad, camera axes x, y, z along y3, z3, x3, L = 38 mm"
+IN_MM = ("reduction-mm", "hamiltonian-mm")
 TITLES = {
     "reduction": "reduction, K_τ as printed",
     "reduction-mm": "reduction, K_τ as printed, in mm (R5)",
@@ -82,11 +83,9 @@ def run() -> Outcome:
             + ", ".join(f"{name} {value:.2g}" for name, value in stability.items())
             + ": positive stable, but slow.",
             "the printed gains in millimetres take much: largest torque "
-            + ", ".join(
-                f"{name} {np.abs(logs[name].torque).max():.0f} N·m" for name in ("reduction-mm", "hamiltonian-mm")
-            )
+            + ", ".join(f"{name} {_torque(logs[name]):.0f} N·m" for name in IN_MM)
             + " (not limited in this study); times to 0.1 mm are "
-            + ", ".join(f"{name} {times[name][1]:.2f} s" for name in ("reduction-mm", "hamiltonian-mm"))
+            + ", ".join(f"{name} {times[name][1]:.2f} s" for name in IN_MM)
             + ".",
             f"over random postures and mountings of the camera the printed K_tau is positive stable at the goal in "
             f"{100.0 * _stable_share(system):.0f} % of {MOUNTINGS}.",
@@ -152,8 +151,9 @@ def _claims(cases: dict[str, _Case], logs: dict[str, Log], times: dict[str, list
         Claim(
             f"converges-{law}", f"the errors of the features go to zero with the {title} law", Origin.FIGURE,
             "section 5.4.2, figure 5.3", (0.0,), "mm", 0.01,
-            [Finding((1e3 * left[law],), errata, chosen=POSTURE), Finding((1e3 * left[f"{law}-mm"],), errata, "R5", POSTURE)],
-            reason=f"in metres after {logs[law].time[-1]:.0f} s, in millimetres after {logs[f'{law}-mm'].time[-1]:.0f} s",
+            [Finding((1e3 * left[law],), errata, chosen=POSTURE),
+             Finding((1e3 * left[f"{law}-mm"],), errata, "R5", POSTURE)],
+            reason=f"in m after {logs[law].time[-1]:.0f} s, in mm after {logs[f'{law}-mm'].time[-1]:.0f} s",
         )
         for law, title, errata in (
             ("reduction", "reduction", "E16 to E18"), ("hamiltonian", "Hamiltonian", "E16, E17, E19")
@@ -170,12 +170,12 @@ def _claims(cases: dict[str, _Case], logs: dict[str, Log], times: dict[str, list
             ],
             "<=",
             "the printed K_τ multiplies the features: in metres the eigenvalues of Δ̄K_τ at the goal are as small as "
-            f"0.002/s, in millimetres a thousand times larger, for {np.abs(logs['reduction-mm'].torque).max():.0f} N·m",
+            f"0.002/s, in millimetres a thousand times larger, for {_torque(logs['reduction-mm']):.0f} N·m",
         ),
         Claim(
             "invertible", "det Δ̄ ≠ 0 (5.60): samples of both laws' runs where it has another sign than at the start",
             Origin.TEXT, "section 5.4.1", (0.0,), "", 0.0, [Finding((float(other),), "E16, E17", chosen=POSTURE)],
-            reason=f"along the way it is at least {least:.2g} of what it is at the goal. It is not so everywhere: det Δ̄ = 0 "
+            reason=f"along the way it is at least {least:.2g} of what it is at the goal. Not so everywhere: det Δ̄ = 0 "
             "where the object is in line with the upper arm, or on the first axis",
         ),
     ]  # fmt: skip
@@ -190,6 +190,11 @@ def _claims(cases: dict[str, _Case], logs: dict[str, Log], times: dict[str, list
             )
         )  # fmt: skip
     return claims
+
+
+def _torque(log: Log) -> float:
+    """Return the largest torque of any joint [N·m]."""
+    return float(np.abs(log.torque).max())
 
 
 def _determinants(cases: dict[str, _Case], logs: dict[str, Log]) -> tuple[int, float]:
@@ -216,7 +221,7 @@ def _figure(logs: dict[str, Log]) -> Figure:
 
     figure = Figure(figsize=(11.0, 4.6), layout="constrained")
     figure.suptitle(
-        "Figure 5.3: errors of the image features, gains as printed: in mm (thick), in m (thin); others (dotted)"
+        "Figure 5.3: errors of the image features, gains as printed in mm (thick), in m (thin); others dotted"
     )
     styles: dict[str, dict[str, Any]] = {
         "reduction-mm": {"color": COLORS[0]},
