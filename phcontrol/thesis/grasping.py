@@ -341,16 +341,16 @@ def _figure(logs: dict[str, Log], body: str, quantity: str, name: str, printed: 
     panels = {"R1": "R1: virtual position 0, body at 0.20", "R2": "R2: virtual position 0.20, where the body begins"}
     if body == "compliant":
         panels = {"R1": "R1, foam as printed", "R1-foam": f"R1, foam of {FOAM[0]:g} N·m/rad", "R2": panels["R2"]}
-    figure = Figure(figsize=(5.2 * len(panels), 4.9), layout="constrained")
+    figure = Figure(figsize=(8.5, 1.2 + 2.9 * len(panels)), layout="constrained")
     figure.suptitle(f"Figure {name[4:].replace('-', '.', 1)}: {quantity}, {body} body")
-    for axes, (group, title) in zip(figure.subplots(1, len(panels), sharey=True), panels.items(), strict=True):
+    for axes, (group, title) in zip(figure.subplots(len(panels), 1, sharey=True), panels.items(), strict=True):
         for law, (color, line, label) in STYLES.items():
             if f"{group}-{law}" in logs:
                 log = logs[f"{group}-{law}"]
                 values = log.position[:, 0] if quantity == "position" else log.contact_force
                 axes.plot(log.time, values, color=color, linestyle=line, label=label)
         _mark(axes, quantity)
-        axes.set(xlabel="t [s]", xlim=(0.0, 5.0 if group != "R2" else 12.0))
+        axes.set(xlim=(0.0, 5.0 if group != "R2" else 12.0))
         if group == "R1" and quantity == "position":
             for law, time in zip(("grasping", "classical"), printed.contact, strict=True):
                 if time is not None:
@@ -358,7 +358,8 @@ def _figure(logs: dict[str, Log], body: str, quantity: str, name: str, printed: 
         axes.set_title(title, fontsize=10)
         axes.grid(alpha=0.25)
     label = "q [rad] (line: where the body begins)" if quantity == "position" else "contact force [N·m] (line: f_d)"
-    figure.axes[0].set_ylabel(label)
+    figure.axes[-1].set_xlabel("t [s]")
+    figure.supylabel(label, fontsize=10)
     handles = {
         text: handle for axes in figure.axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }

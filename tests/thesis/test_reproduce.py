@@ -340,10 +340,23 @@ def test_the_report_in_a_browser(browser, done):
         for image in page.locator(".figure img").all():
             image.scroll_into_view_if_needed()  # they load when they come into view
         page.wait_for_function("[...document.images].every((image) => image.complete && image.naturalWidth > 500)")
-        assert page.locator("tr.mended:visible").count() == 5
-        page.check("#only-not")
-        assert page.locator("tr.mended:visible").count() == 0
+        assert page.locator(".claim.mended:visible").count() == 3
+        page.check("#only-bad")
+        assert page.locator(".claim.mended:visible").count() == 0
+        assert page.locator(".claim.bad:visible").count() == 1
+        page.check("#only-all")
+        for width, columns in (
+            (1400, 2),
+            (700, 1),
+        ):  # beside each other where there is room, and never wider than the page
+            page.set_viewport_size({"width": width, "height": 800})
+            lefts = page.evaluate(
+                "['.figures', '.claims'].map((s) => document.querySelector(s).getBoundingClientRect().x)"
+            )
+            assert len({round(left) for left in lefts}) == columns
+            assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
         assert page.problems == []
+        page.click("summary:has-text('runs')")
         page.click("text=play >> nth=0")
         page.wait_for_function("window.phcontrol && phcontrol.frames > 1", timeout=60_000)
         assert page.problems == []
