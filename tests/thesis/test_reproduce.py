@@ -348,12 +348,10 @@ def test_the_report_in_a_browser(browser, done):
         for width, columns in (
             (1400, 2),
             (700, 1),
-        ):  # beside each other where there is room, and never wider than the page
+        ):  # side by side where there is room
             page.set_viewport_size({"width": width, "height": 800})
-            lefts = page.evaluate(
-                "['.figures', '.claims'].map((s) => document.querySelector(s).getBoundingClientRect().x)"
-            )
-            assert len({round(left) for left in lefts}) == columns
+            lefts = {round(page.locator(part).first.bounding_box()["x"]) for part in (".figures", ".claims")}
+            assert len(lefts) == columns
             assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
         assert page.problems == []
         page.click("summary:has-text('runs')")
