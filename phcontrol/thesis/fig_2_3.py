@@ -8,7 +8,9 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.mechanics.potentials import GripperSpring
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -19,19 +21,23 @@ SPRING = GripperSpring(closing_stiffness=0.21, opening_stiffness=0.06, rest_angl
 
 def run() -> Outcome:
     """Evaluate the stiffness on both sides of rest."""
-    closed, opened = SPRING.stiffness(np.array([-0.2, 0.8]))
+
+    def at(position: float) -> tuple[float, float]:
+        q = np.array([position])
+        return float(_printed(q)[0]), float(SPRING.stiffness(q)[0])
+
     return Outcome(
         "fig-2-3",
         "stiffness of the gripper's spring (thesis figure 2.3)",
         {},
         [
-            Claim("closing", "stiffness when closing beyond rest, k_g1", "(2.16)", (0.21,), (float(closed),), "N·m/rad",
-                  0.005, "E4"),
-            Claim("opening", "stiffness when opening beyond rest, k_g2", "(2.16)", (0.06,), (float(opened),), "N·m/rad",
-                  0.005, "E4"),
-            Claim("closing-as-printed", "the same with the sign of (2.17) as printed", "(2.17)", (0.21,),
-                  (float(_printed(np.array([-0.2]))[0]),), "N·m/rad", 0.005, "",
-                  "the printed sign exchanges the two stiffnesses (errata E4)"),
+            Claim(name, statement, Origin.FIGURE, "figure 2.3, (2.16), (2.17)", (stiffness,), "N·m/rad", 0.005,
+                  [Finding((printed,)), Finding((corrected,), "E4")],
+                  reason="the printed sign of (2.17) exchanges the two stiffnesses")
+            for name, statement, stiffness, printed, corrected in (
+                ("closing", "stiffness when closing beyond rest, k_g1", 0.21, *at(-0.2)),
+                ("opening", "stiffness when opening beyond rest, k_g2", 0.06, *at(0.8)),
+            )
         ],
         {"fig-2-3": _figure},
     )  # fmt: skip

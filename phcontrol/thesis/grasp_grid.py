@@ -15,8 +15,10 @@ from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import settling_time, touch_time
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -44,8 +46,8 @@ def run() -> Outcome:
         "rest-length law against classical impedance under equal conditions, both regulated to 0.2 N·m",
         {},
         [
-            Claim(measure, f"{statement} with the rest-length law, in how many of {len(table)} cases", "section 4.2.2",
-                  (total,), (float(won),), "cases", 0.0, "E15",
+            Claim(measure, f"{statement} with the rest-length law, in how many of {len(table)} cases", Origin.OURS,
+                  "section 4.2.2 says so of one body", (total,), "cases", 0.0, [Finding((float(won),))], "=",
                   f"it holds in {won} of {len(table)} cases of body stiffness 10 to 1e5 N·m/rad and three gains")
             for measure, statement, won in zip(MEASURES, statements, wins, strict=True)
         ],

@@ -16,10 +16,10 @@ def touch_time(log: Log) -> float:
     return float(log.time[rows[0]]) if rows.size else float("inf")
 
 
-def arrival_time(log: Log, position: float, within: float) -> float:
-    """Return when the first joint has come within a distance of a position it approaches from above [s]."""
-    rows = np.flatnonzero(log.position[:, 0] <= position + within)
-    return float(log.time[rows[0]]) if rows.size else float("inf")
+def impact_force(log: Log, within: float = 0.5) -> float:
+    """Return the largest contact force within a time of first contact [N, or N·m for a joint]; 0 without contact."""
+    begins = touch_time(log)
+    return float(log.contact_force[log.time <= begins + within].max()) if np.isfinite(begins) else 0.0
 
 
 def settling_time(log: Log, force: float, within: float = 0.05) -> float:

@@ -18,8 +18,10 @@ from phcontrol.potentials.holding import Holding
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import settling_time
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -132,12 +134,12 @@ def _claims(logs: dict[str, Log]) -> list[Claim]:
     for k in STIFFNESSES:
         log = logs[f"measured-{k:g}"]
         claims += [
-            Claim(f"force-{k:g}", f"force error after 1 s, k = {k:g} N/m, f_e measured", "our aim (thesis section 4.1)",
-                  (0.0,), (_error(log),), "N", 1e-3, "E23"),
-            Claim(f"slide-{k:g}", f"slide along the wall, k = {k:g} N/m", "our aim", (0.0,), (1e3 * slide(log),), "mm",
-                  0.1, "E23"),
-            Claim(f"settled-{k:g}", f"force within 5 %, k = {k:g} N/m", "our aim: within 0.7 s", (0.0,),
-                  (settling_time(log, FORCE),), "s", 0.7, "E23"),
+            Claim(f"force-{k:g}", f"force error after 1 s, k = {k:g} N/m, f_e measured", Origin.OURS, "our aim",
+                  (1e-3,), "N", 0.0, [Finding((_error(log),))], "<="),
+            Claim(f"slide-{k:g}", f"slide along the wall, k = {k:g} N/m", Origin.OURS, "our aim", (0.1,), "mm", 0.0,
+                  [Finding((1e3 * slide(log),))], "<="),
+            Claim(f"settled-{k:g}", f"force within 5 %, k = {k:g} N/m", Origin.OURS, "our aim", (0.7,), "s", 0.0,
+                  [Finding((settling_time(log, FORCE),))], "<="),
         ]  # fmt: skip
     return claims
 

@@ -1,14 +1,27 @@
-"""The page of a reproduction: figures, claims, certificates, versions and seeds."""
+"""The page of a reproduction: the thesis in its order, each figure beside its claims, theorems, certificates."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
 
-CLASSES = {"reproduced": ("good", "reproduced"), "not reproduced": ("bad", "not")}
-MENDED = ("mended", "corrected")
+from phcontrol.thesis.report_claims import KINDS, claim_card, linked
+from phcontrol.thesis.report_tables import certificate_table, errata_and_readings, provenance, theorem_table
+from phcontrol.thesis.tally import Tally
+from phcontrol.thesis.verdict import Verdict
+
+CHAPTERS = {
+    "2": "Chapter 2: the arm and its gripper",
+    "3": "Chapter 3: position control",
+    "4": "Chapter 4: force control and grasping",
+    "5": "Chapter 5: visual servoing",
+    "6": "Chapter 6: trajectory tracking",
+}
+THEOREMS_STUDY = "theorems"
+FILTERS = {"all": "all", "good": "as printed", "mended": "with a correction", "read": "under a reading",
+           "weak": "fitted or vacuous", "bad": "not reproduced"}  # fmt: skip
 
 
 def report(results: Mapping[str, Any]) -> str:
@@ -20,53 +33,93 @@ def report(results: Mapping[str, Any]) -> str:
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
             f"<title>The thesis, reproduced</title>\n<style>\n{style}</style>\n</head>\n<body>",
             *_head(results),
-            *_figures(results["studies"]),
-            *_claims(results["studies"]),
-            *_certificates(results["certificates"]),
-            *_provenance(results),
-            "</body>\n</html>\n",
+            *_sections(results["studies"]),
+            *theorem_table(results["certificates"]),
+            *certificate_table(results["certificates"]),
+            *errata_and_readings(),
+            *provenance(results),
+            "</main>\n</body>\n</html>\n",
         ]
     )
 
 
 def _head(results: Mapping[str, Any]) -> Iterable[str]:
-    verdicts = [claim["verdict"] for study in results["studies"] for claim in study["claims"]]
+    claims = [claim for study in results["studies"] for claim in study["claims"]]
     rows = [row for row in results["certificates"] if "passed" in row]
-    totals = [
-        (verdicts.count("reproduced"), "claims reproduced as printed", "reproduced"),
-        (sum(verdict.startswith("reproduced with") for verdict in verdicts), "with a correction", "corrected"),
-        (verdicts.count("not reproduced"), "not reproduced, each with its reason", "not"),
-        (f"{sum(row['passed'] for row in rows)} of {len(rows)}", "certificates passed", "reproduced"),
-    ]  # fmt: skip
+    theirs, ours = Tally.of_the_thesis(claims), Tally.of_ours(claims)
     yield "<h1>The thesis, reproduced</h1>"
     yield (
-        "<p>Every figure and statement of M. Muñoz Arias, <i>Energy-based control design for mechanical systems</i> "
-        "(Groningen 2015) that can be simulated, run again with the laws as corrected. Errata (E…) are listed in the "
-        "documentation's page on theory. Repeat it with <code>phcontrol reproduce --fresh --out DIR</code>; the "
-        'numbers are also in <a href="claims.json">claims.json</a>.</p>'
+        '<p class="lead">Every figure and statement of M. Muñoz Arias, <i>Energy-based control design for mechanical '
+        "systems</i> (Groningen 2015) that can be simulated, run again. A statement is counted once, under its best "
+        'reading; what it rests on stands beside it: an <a href="#errata">erratum</a>, a <a href="#readings">reading'
+        "</a>, what we chose. What was fitted, or could not fail, does not count as reproduced. Repeat it with "
+        '<code>phcontrol reproduce --fresh --out DIR</code>; all numbers are in <a href="claims.json">claims.json</a>.'
+        "</p>"
     )
     yield '<div class="totals">'
-    for value, label, kind in totals:
-        yield f'<div class="total"><b class="{kind}">{value}</b>{label}</div>'
+    yield f'<div class="total wide"><b>{theirs.reproduced} of {theirs.total}</b>of the thesis\'s claims reproduced'
+    yield from _bar(theirs)
+    yield "</div>"
+    yield f'<div class="total"><b>{ours.reproduced} of {ours.total}</b>of our own met</div>'
+    yield f'<div class="total"><b>{sum(row["passed"] for row in rows)} of {len(rows)}</b>certificates passed</div>'
     yield "</div>"
     for name, reason in results["failed"].items():
         yield f'<p class="failed"><b>{escape(name)}</b> did not run to its end: {escape(reason)}</p>'
+    yield '<nav class="chapters">' + "".join(
+        f'<a href="#{anchor}">{escape(title)}</a>' for anchor, title, _ in _parts(results["studies"])
+    ) + '<a href="#theorems-and-certificates">theorem by theorem</a><a href="#errata">errata</a></nav>'  # fmt: skip
+    for name, text in FILTERS.items():
+        checked = " checked" if name == "all" else ""
+        yield f'<input type="radio" name="show" id="only-{name}"{checked}><label for="only-{name}">{text}</label>'
+    yield "<main>"
 
 
-def _figures(studies: Iterable[Mapping[str, Any]]) -> Iterable[str]:
-    yield '<h2 id="figures">Figures, in the thesis\'s order</h2>\n<div class="figures">'
-    for study in studies:
-        name = escape(study["study"])
-        for position, figure in enumerate(study["figures"]):
-            source = f"{name}/{escape(figure)}.png"
-            yield (
-                f'<figure class="figure"{f" id={chr(34)}{name}{chr(34)}" if position == 0 else ""}>'
-                f'<a href="{source}"><img src="{source}" alt="{escape(figure)}" loading="lazy"></a>'
-                f"<figcaption><b>{name}</b>: {escape(study['title'])}"
-                + "".join(f"<br>{escape(note)}" for note in (study["notes"] if position == 0 else ()))
-                + f"{_links(study) if position == 0 else ''}</figcaption></figure>"
-            )
+def _bar(tally: Tally) -> Iterable[str]:
+    """Yield the verdicts as a bar and a legend."""
+    shown = [(verdict, count) for verdict, count in tally.counts.items() if count]
+    yield '<div class="bar">'
+    for verdict, count in shown:
+        yield f'<span class="{KINDS[verdict]} {verdict.name.lower()}" style="flex: {count}">{count}</span>'
+    yield '</div><div class="legend">'
+    for verdict, count in shown:
+        more = {Verdict.CORRECTED: " of an erratum", Verdict.READING: " of an ambiguous text"}.get(verdict, "")
+        yield f'<span class="{KINDS[verdict]}">{count} {verdict.value}{more}</span>'
     yield "</div>"
+
+
+def _parts(studies: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, list[Mapping[str, Any]]]]:
+    """Return anchor, title and studies of each part of the page."""
+    parts: list[tuple[str, str, list[Mapping[str, Any]]]] = []
+    for number, title in CHAPTERS.items():
+        found = [study for study in studies if study["study"].startswith(f"fig-{number}-")]
+        parts.append((f"chapter-{number}", title, found))
+    parts.append(("proofs", "Theorems and proofs", [s for s in studies if s["study"] == THEOREMS_STUDY]))
+    own = [s for s in studies if not s["study"].startswith("fig-") and s["study"] != THEOREMS_STUDY]
+    parts.append(("own", "Studies of our own", own))
+    return [part for part in parts if part[2]]
+
+
+def _sections(studies: Sequence[Mapping[str, Any]]) -> Iterable[str]:
+    for anchor, title, found in _parts(studies):
+        yield f'<h2 id="{anchor}">{escape(title)}</h2>'
+        for study in found:
+            yield from _study(study)
+
+
+def _study(study: Mapping[str, Any]) -> Iterable[str]:
+    name = escape(study["study"])
+    number = f"Figure {name[4:].replace('-', '.')}: " if name.startswith("fig-") else ""
+    yield f'<section class="study" id="{name}"><h3>{number}{escape(study["title"])}</h3><div class="beside">'
+    yield '<div class="figures">'
+    for figure in study["figures"]:
+        source = f"{name}/{escape(figure)}.png"
+        yield f'<a class="figure" href="{source}"><img src="{source}" alt="{escape(figure)}" loading="lazy"></a>'
+    notes = "".join(f"<p>{linked(note)}</p>" for note in study["notes"])
+    yield f'<div class="notes">{notes}{_links(study)}</div></div>'
+    yield '<div class="claims">'
+    for claim in sorted(study["claims"], key=lambda claim: claim["origin"] == "ours"):
+        yield from claim_card(claim)
+    yield "</div></div></section>"
 
 
 def _links(study: Mapping[str, Any]) -> str:
@@ -78,81 +131,4 @@ def _links(study: Mapping[str, Any]) -> str:
         + (f', <a href="{escape(f"{name}/{log}.html")}">play</a>)' if log in study["recordings"] else ")")
         for log in study["logs"]
     ]
-    return f'<p class="links">runs: {"; ".join(links)}</p>'
-
-
-def _claims(studies: Iterable[Mapping[str, Any]]) -> Iterable[str]:
-    yield '<h2 id="claims">Claims</h2>'
-    yield '<input type="radio" name="show" id="all" checked><label for="all"> all </label>'
-    yield '<input type="radio" name="show" id="only-mended"><label for="only-mended"> with a correction </label>'
-    yield '<input type="radio" name="show" id="only-not"><label for="only-not"> not reproduced </label>'
-    yield '<div class="scroll"><table><tr class="head"><th>statement</th><th>where</th><th>thesis</th><th>ours</th>'
-    yield "<th>verdict</th><th>erratum</th></tr>"
-    for study in studies:
-        name = escape(study["study"])
-        link = f'<a href="#{name}">{name}</a>'
-        yield f'<tr class="study"><td colspan="6">{link}: {escape(study["title"])}{_links(study)}</td></tr>'
-        for claim in study["claims"]:
-            row, kind = CLASSES.get(claim["verdict"], MENDED)
-            reason = f'<div class="reason">{escape(claim["reason"])}</div>' if claim["reason"] else ""
-            yield (
-                f'<tr class="{row}"><td>{escape(claim["statement"])}{reason}</td><td>{escape(claim["source"])}</td>'
-                f'<td class="number">{_values(claim["printed"], claim["unit"])}</td>'
-                f'<td class="number">{_values(claim["ours"], claim["unit"])}</td>'
-                f'<td class="{kind}">{"not reproduced" if kind == "not" else "reproduced"}</td>'
-                f"<td>{escape(claim['erratum'])}</td></tr>"
-            )
-    yield "</table></div>"
-
-
-def _values(values: Iterable[float | None], unit: str) -> str:
-    numbers = ["never" if value is None else f"{value:.4g}" for value in values]
-    return escape(", ".join(numbers) + ("" if numbers == ["never"] else f" {unit}"))
-
-
-def _certificates(rows: Iterable[Mapping[str, Any]]) -> Iterable[str]:
-    rows = list(rows)
-    if not rows:
-        return
-    first = next((row for row in rows if "samples" in row), {"samples": 0, "seed": 0})
-    yield '<h2 id="certificates">Certificates</h2>'
-    yield (
-        f"<p>At {first['samples']} states of each arm (seed {first['seed']}), drawn where laws go wrong, the closed "
-        "loop's rate, by finite differences, is compared with the port-Hamiltonian system that the law promises; "
-        "J<sub>d</sub> must be skew, R<sub>d</sub> positive semidefinite, and H<sub>d</sub> must not grow by more than "
-        "is supplied. Where the law rests its linearised loop must be stable. A law that something drives from outside "
-        "says so. Relative figures.</p>"
-    )
-    yield '<div class="scroll"><table><tr class="head"><th>law</th><th>arm</th><th>interconnection</th>'
-    yield "<th>matching</th><th>gradient</th><th>skewness</th><th>indefiniteness of R<sub>d</sub></th>"
-    yield "<th>growth of H<sub>d</sub></th><th>verdict</th></tr>"
-    for row in rows:
-        head = f"<td>{escape(row['law'])}</td><td>{escape(row['robot'])}</td><td>{escape(row['interconnection'])}</td>"
-        if "not_for_it" in row:
-            yield f'<tr>{head}<td colspan="6" class="reason">not for this arm: {escape(row["not_for_it"])}</td></tr>'
-            continue
-        keys = ("matching_residual", "gradient_residual", "skewness", "indefiniteness", "largest_storage_rate")
-        numbers = "".join(
-            f'<td class="number">{"not finite" if row[key] is None else f"{row[key]:.1e}"}</td>' for key in keys
-        )
-        verdict = f'<td class="{"reproduced" if row["passed"] else "not"}">{escape(row["verdict"].lower())}</td>'
-        notes = [f"driven by: {row['driven_by']}"] * bool(row["driven_by"]) + [f"not claimed: {row['caveat']}"] * bool(
-            row["caveat"]
-        )
-        caveat = "".join(f'<div class="reason">{escape(note)}</div>' for note in notes)
-        yield f"<tr>{head}{numbers}{verdict.replace('</td>', caveat + '</td>')}</tr>"
-    yield "</table></div>"
-
-
-def _provenance(results: Mapping[str, Any]) -> Iterable[str]:
-    yield '<h2 id="versions">Versions and seeds</h2>\n<p>'
-    yield ", ".join(f"{escape(name)} {escape(version)}" for name, version in results["versions"].items())
-    yield ". One thread for each study, so that numbers do not depend on how many run at once.</p>"
-    seeds = [
-        f"{escape(study['study'])}/{escape(log)}: "
-        + ", ".join(f"{escape(sensor)} sensor {seed}" for sensor, seed in entry.items())
-        for study in results["studies"]
-        for log, entry in study["seeds"].items()
-    ]
-    if seeds:
-        yield "<p>Seeds of the noise: " + "; ".join(seeds) + ". All other studies have no random numbers.</p>"
+    return f'<details class="links"><summary>{len(links)} runs</summary>{"; ".join(links)}</details>'

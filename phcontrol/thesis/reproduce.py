@@ -24,6 +24,7 @@ from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
 from phcontrol.runs.task_folder import clear, read_done, read_json, take
 from phcontrol.thesis.registry import STUDIES
+from phcontrol.thesis.tally import Tally
 
 CERTIFIED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
 """The thesis's arms; each is one task, "certificates-NAME"."""
@@ -52,13 +53,13 @@ class Reproduction:
 
     def summary(self) -> str:
         """Return how many claims were reproduced and how many certificates passed, in a few lines."""
-        verdicts = [claim["verdict"] for study in self.results["studies"] for claim in study["claims"]]
+        claims = [claim for study in self.results["studies"] for claim in study["claims"]]
+        theirs, ours = Tally.of_the_thesis(claims), Tally.of_ours(claims)
         rows = [row for row in self.results["certificates"] if "passed" in row]
         tasks = (*self.run, *self.kept)
         lines = [
-            f"{len(verdicts)} claims: {verdicts.count('reproduced')} reproduced as printed, "
-            f"{sum(verdict.startswith('reproduced with') for verdict in verdicts)} with a correction, "
-            f"{verdicts.count('not reproduced')} not reproduced"
+            f"the thesis's claims: {theirs.reproduced} of {theirs.total} reproduced ({theirs.by_verdict})\n"
+            f"our own claims: {ours.reproduced} of {ours.total} met"
             if any(name in STUDIES for name in tasks)
             else "no study was asked for",
             f"{len(rows)} certificates: {sum(row['passed'] for row in rows)} passed"

@@ -15,7 +15,9 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 from phcontrol.vision.extraction import extract_features
 from phcontrol.vision.goal_posture import goal_posture
@@ -54,9 +56,9 @@ def run() -> Outcome:
         for law, (away, longer) in errors.items()
         for claim in (
             Claim(f"centred-{law}", f"the object ends in the middle: largest distance in the last second ({law})",
-                  "our aim: within 2 pixels", (0.0,), (away,), "pixels", 2.0),
+                  Origin.OURS, "our aim", (2.0,), "pixels", 0.0, [Finding((away,))], "<="),
             Claim(f"length-{law}", f"and as long as desired: largest error in the last second ({law})",
-                  "our aim: within 2 %", (0.0,), (longer,), "%", 2.0),
+                  Origin.OURS, "our aim", (2.0,), "%", 0.0, [Finding((longer,))], "<="),
         )
     ]  # fmt: skip
     pictures = {law: (_frame(system, scene, log, 0), _frame(system, scene, log, -1)) for law, log in logs.items()}

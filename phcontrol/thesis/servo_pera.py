@@ -16,8 +16,10 @@ from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import feature_settling_time
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.study import Outcome
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.observed_object import ObservedObject
@@ -64,14 +66,15 @@ def run() -> Outcome:
     claims = [
         Claim(
             f"converged-{law}", f"starts from which all features come within 10 µm of the goal ({law} law, defaults)",
-            "our aim: all", (float(STARTS),), (float(np.isfinite(times[law]).sum()),), "", 0.0,
+            Origin.OURS, "our aim: all", (float(STARTS),), "", 0.0, [Finding((float(np.isfinite(times[law]).sum()),))],
         )
         for law in LAWS
     ]  # fmt: skip
     claims.append(
         Claim(
-            "positive-stable", "starts with Δ̄K_τ positive stable all along the way (reduction law)", "Theorem 5.2.2",
-            (float(STARTS),), (float(np.sum(np.array(stable) > 0.0)),), "", 0.0, "",
+            "positive-stable", "starts with Δ̄K_τ positive stable all along the way (reduction law)", Origin.OURS,
+            "our K_τ, held against the assumption of Theorem 5.2.2", (float(STARTS),), "", 0.0,
+            [Finding((float(np.sum(np.array(stable) > 0.0)),))], "=",
             "from the others Δ̄K_τ has an eigenvalue on the wrong side for a while, and the features still converge: "
             "along the way, where it changes, the sign of its eigenvalues is an indication only; at the goal it "
             "decides, and there it is positive stable for all",

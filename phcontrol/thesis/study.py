@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from phcontrol._files import write_json
 from phcontrol.simulation.log import Log
-from phcontrol.thesis.claims import Claim
+from phcontrol.thesis.claim import Claim
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

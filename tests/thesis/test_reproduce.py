@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import psutil
 import pytest
 
@@ -19,6 +20,9 @@ from phcontrol._files import write_json
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.runs.task_folder import DONE, finish, take
 from phcontrol.thesis import reproduce as module
+from phcontrol.thesis.claim import Claim
+from phcontrol.thesis.finding import Finding
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.report import report
 from phcontrol.thesis.reproduce import reproduce, task_names
 from phcontrol.thesis.task import certificates
@@ -315,15 +319,17 @@ def test_unknown_tasks_are_listed(tmp_path):
 
 
 def test_text_from_studies_cannot_break_the_page():
+    finding = Finding((np.inf,), chosen="<u>")
+    claim = Claim("n", "<script>", Origin.TEXT, "<s>", (1.0,), "<", 0.1, [finding], "=", "<q>")
     study = {
         "study": "x", "title": "<b>title</b>", "notes": ["a & b"], "figures": ["f"], "logs": [], "recordings": [],
-        "seeds": {}, "claims": [{"statement": "<script>", "source": "s", "printed": [1.0], "ours": [None], "unit": "<",
-                                 "verdict": "not reproduced", "reason": "<i>", "erratum": ""}],
+        "seeds": {}, "claims": [claim.to_dict()],
     }  # fmt: skip
     page = report({"versions": {}, "studies": [study], "certificates": [], "failed": {}})
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
     assert "never" in page
+    assert not any(tag in page for tag in ("<s>", "<u>", "<q>", "<b>title"))
 
 
 @pytest.mark.browser
@@ -334,10 +340,21 @@ def test_the_report_in_a_browser(browser, done):
         for image in page.locator(".figure img").all():
             image.scroll_into_view_if_needed()  # they load when they come into view
         page.wait_for_function("[...document.images].every((image) => image.complete && image.naturalWidth > 500)")
-        assert page.locator("tr.mended:visible").count() == 5
-        page.check("#only-not")
-        assert page.locator("tr.mended:visible").count() == 0
+        assert page.locator(".claim.mended:visible").count() == 3
+        page.check("#only-bad")
+        assert page.locator(".claim.mended:visible").count() == 0
+        assert page.locator(".claim.bad:visible").count() == 1
+        page.check("#only-all")
+        for width, columns in (
+            (1400, 2),
+            (700, 1),
+        ):  # side by side where there is room
+            page.set_viewport_size({"width": width, "height": 800})
+            lefts = {round(page.locator(part).first.bounding_box()["x"]) for part in (".figures", ".claims")}
+            assert len(lefts) == columns
+            assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
         assert page.problems == []
+        page.click("summary:has-text('runs')")
         page.click("text=play >> nth=0")
         page.wait_for_function("window.phcontrol && phcontrol.frames > 1", timeout=60_000)
         assert page.problems == []
