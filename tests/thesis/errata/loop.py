@@ -29,15 +29,6 @@ def arm() -> MechanicalSystem:
     return MechanicalSystem(load_robot("pera_shoulder_elbow"), friction=friction, input_matrix=mixing)
 
 
-@cache
-def gripper(mass: float = 0.5) -> MechanicalSystem:
-    """Return one joint with the inertia of the gripper, or another, its spring and its friction."""
-    robot = load_robot("pera_gripper")
-    own = float(MechanicalSystem(robot).at(robot.home).mass_matrix[0, 0])
-    robot.model.armature = np.array([mass - own]) + robot.model.armature
-    return MechanicalSystem(robot, friction=StribeckFriction(viscous=0.1))
-
-
 def states(system: MechanicalSystem, size: int, count: int = 5) -> list[tuple[MechanicalState, Array]]:
     """Draw states of the arm, and of a law with ``size`` numbers."""
     draw = np.random.default_rng(20150424)

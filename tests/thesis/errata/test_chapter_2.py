@@ -50,7 +50,9 @@ def test_e36_the_gradient_of_the_energy_is_not_that_of_the_potential(name):
 
 def test_e03_stribeck_friction_falls_and_never_drives():
     """(2.14), (5.53): exp(+|q̇|/q̇_s) makes dry friction grow without bound; F_v q̇ in d drives where q̇ < 0."""
-    F_c, F_s, F_v, v_s, a = (SHOULDER[key] for key in ("coulomb", "static", "viscous", "stribeck_velocity", "smoothing"))
+    F_c, F_s, F_v, v_s, a = (
+        SHOULDER[key] for key in ("coulomb", "static", "viscous", "stribeck_velocity", "smoothing")
+    )
 
     def printed(v, sign=1.0, viscous=True):
         return (F_c + (F_s - F_c) * np.exp(sign * abs(v) / v_s)) / np.sqrt(a + v**2) + F_v * (v if viscous else 1.0)

@@ -178,7 +178,7 @@ def gammas(x, C, gamma, friction=-1.0, last=0.25):
 
 
 def test_e24_the_conditions_for_the_gain():
-    """(3.17) to (3.20): the form P_HJi is not the Hamilton–Jacobi inequality, and its conditions allow too small a γ."""
+    """(3.17) to (3.20): the form P_HJi is not the Hamilton–Jacobi inequality; they allow too small a γ."""
     plain = MechanicalSystem(arm().robot, friction=arm().friction)
     gamma, worst = 0.5, 0.0
     for x, z in states(plain, 3):
@@ -289,6 +289,31 @@ def test_e13_the_integral_of_the_output():
 
     assert fastest(1.0) < 0.0
     assert fastest(-1.0) > 0.1  # as printed the loop is unstable
+
+
+def test_e35_a_bar_and_two_signs():
+    """(3.40): q_d + K_p⁻¹B f_e, not B̄f_e; (3.49): −D̄Y for +; (3.50): p̃̇ = −B̄c₁, not B̄(c₁ + f_e)."""
+    inverse = np.linalg.inv(arm().at(GOAL).factor)
+    assert np.abs(rest_rate(GOAL + np.linalg.solve(K_P, FORCE), np.zeros(3), measured=True)).max() < 1e-10
+    assert np.abs(rest_rate(GOAL + np.linalg.solve(K_P, inverse @ FORCE), np.zeros(3), measured=True)).max() > 0.1
+    excess = np.array([0.5, -1.0, 2.0])  # c₁ = ξ − f_e
+    x, state = arm().at(GOAL), np.concatenate([np.zeros(3), FORCE + excess])
+    rate = along(lambda y, s: integral_hat(y, s[:3]), x, state, *integral_law(x, state, FORCE), FORCE)
+    np.testing.assert_allclose(-inverse @ excess, rate, atol=1e-8)
+    assert np.abs(inverse @ (excess + FORCE) - rate).max() > 0.1
+    worst = 0.0
+    for x, state in states(arm(), 6):
+        flow, z = integral_loop(x, state, FORCE), state[:3]
+        slope = np.concatenate([K_P @ (x.position - GOAL), integral_hat(x, z), np.linalg.solve(K_Z, z)])
+        loss = slope @ flow[:9] + (state[3:] - FORCE) @ flow[9:]
+        _, _, D, G = bar(x)
+        U = np.zeros((9, 9))
+        U[:3, :3], U[3:6, 3:6], U[6:, 6:] = K_I @ np.linalg.inv(K_P), D + G @ C @ G.T, Y.T @ D @ Y
+        mixed = np.zeros((9, 9))
+        mixed[3:6, 6:], mixed[6:, 3:6] = D @ Y, Y.T @ D
+        assert -slope @ (U + mixed) @ slope == pytest.approx(loss, rel=1e-9)
+        worst = max(worst, abs(-slope @ (U - mixed) @ slope - loss) / abs(loss))
+    assert worst > WRONG
 
 
 def test_e37_the_output_in_the_original_coordinates():
