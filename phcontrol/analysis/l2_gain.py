@@ -30,6 +30,7 @@ TOLERANCE = MATCHING_TOLERANCE
 """Of the terms of the inequality, whose first is a finite difference."""
 _EXACT = 1e-9  # of a gain that a matrix gives
 _NORM_TOLERANCE = 1e-5  # of the H∞ norm: the loop is linearised by finite differences
+_ROUNDING = 1e-6  # of the largest terms anywhere, below which those of a state are rounding
 _REACHED = 1e-9  # of a port, by which R_d may miss it
 
 
@@ -91,7 +92,9 @@ def l2_gain(controller: Controller, system: MechanicalSystem, *, samples: int = 
             f"{controller.name} has no finite L₂ gain on {system.robot.name}: at q = {place} f_e moves what neither "
             "damping nor friction takes energy from"
         )
-    residual = max(_residual(controller, system, at, bound) for at in states)
+    sides = np.array([_sides(controller, system, at, bound) for at in states])
+    unit = np.maximum(sides[:, 1], _ROUNDING * sides[:, 1].max())
+    residual = float((sides[:, 0] / np.where(unit > 0.0, unit, 1.0)).max())
     norm = math.nan if controller.time_span else linearise(controller, system).norm
     return GainBound(bound, bound, source, residual, norm, samples)
 
@@ -135,16 +138,14 @@ def _bound(controller: Controller, system: MechanicalSystem, largest: float) -> 
     return largest, "samples"
 
 
-def _residual(controller: Controller, system: MechanicalSystem, at: SampledState, bound: float) -> float:
-    """Return the left-hand side of (2.44) over its terms, the rate of H_d taken along the true motion."""
+def _sides(controller: Controller, system: MechanicalSystem, at: SampledState, bound: float) -> tuple[float, float]:
+    """Return the left-hand side of (2.44), the rate of H_d taken along the true motion, and the size of its terms."""
     flow = Flow(controller, system, at)
     target = flow.start.promise()
     output = target.port.T @ target.gradient
-    rate = float(flow.derivative(flow.storage))
-    terms = bound * rate, 0.5 * float(output @ output), 0.5 * float(output @ output)
+    squared = float(output @ output)
     powers = bound * float(np.abs(target.gradient) @ np.abs(target.rate(at.force)))
-    scale = max(powers, max(abs(term) for term in terms))
-    return sum(terms) / scale if scale > 0.0 else 0.0
+    return bound * float(flow.derivative(flow.storage)) + squared, max(powers, squared)
 
 
 def damping_for_gain(gain: float, n: int, *, input_matrix: ArrayLike | None = None) -> Array:
