@@ -1,6 +1,7 @@
 """Energy-based control of robot arms, with a certificate for every controller."""
 
 from phcontrol._version import __version__
+from phcontrol.analysis.casimirs import CasimirCheck, casimirs
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
@@ -58,7 +59,13 @@ from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.mechanics.transformations import CanonicalCheck, check_canonical_transformation
+from phcontrol.mechanics.transformations import (
+    CanonicalCheck,
+    PassivityCheck,
+    check_canonical_transformation,
+    check_transformed_passivity,
+)
+from phcontrol.mechanics.transformed_system import TransformedSystem, transformed_system
 from phcontrol.potentials.frame_spring import FrameSpring
 from phcontrol.potentials.frame_wrench import FrameWrench
 from phcontrol.potentials.holding import Holding
@@ -124,6 +131,7 @@ __all__ = [
     "Body",
     "CameraSensor",
     "CanonicalCheck",
+    "CasimirCheck",
     "Certificate",
     "ClassicalImpedance",
     "Command",
@@ -186,6 +194,7 @@ __all__ = [
     "PacketFaults",
     "Parameter",
     "PassivePort",
+    "PassivityCheck",
     "PinholeCamera",
     "PointForce",
     "Pose",
@@ -229,15 +238,18 @@ __all__ = [
     "TrackingTransformation",
     "Trajectory",
     "TrajectoryTracking",
+    "TransformedSystem",
     "UdpArm",
     "UnknownNameError",
     "UnreachableTargetError",
     "Vector",
     "Wrench",
     "__version__",
+    "casimirs",
     "certify",
     "check_canonical_transformation",
     "check_limits",
+    "check_transformed_passivity",
     "damping_for_gain",
     "drive",
     "equilibrium",
@@ -256,5 +268,6 @@ __all__ = [
     "register",
     "resolved_motion",
     "simulate",
+    "transformed_system",
     "within_limits",
 ]

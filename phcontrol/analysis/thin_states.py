@@ -61,7 +61,7 @@ class ThinStates:
         turn, kind = divmod(k, KINDS)
         size = np.copysign(_LEAST + (_MOST - _LEAST) * np.abs(2.0 * u - 1.0), u - 0.5)
         if kind < 4:
-            which, looks = 4 * turn + kind, 4 * max(1, count // KINDS)
+            which, looks = 4 * turn + kind, 4 * -(-count // KINDS)  # turns, the last one begun
             return self._on_an_axis(rest, self._axes[_spread(which, looks, len(self._axes))], size)
         if kind < 6 and self._blocks:
             return self._on_a_block(rest, self._blocks[(2 * turn + kind - 4) % len(self._blocks)], size, kind == 5)

@@ -188,3 +188,12 @@ def test_states_about_a_reference_move_with_it():
             point = made.trajectory.at(at.time)
             assert np.count_nonzero(np.abs(at.position - point.position) > 1e-9) == 1
             np.testing.assert_allclose(at.velocity, point.velocity, atol=1e-6)
+
+
+@pytest.mark.parametrize("samples", [17, 50, 77])
+def test_any_number_of_states_can_be_drawn(samples):
+    """The last turn through the kinds of states may be begun only: it once looked past the last axis."""
+    system = make_system("pera_shoulder")
+    certificate = certify(make_controller("energy_shaping", system), samples=samples)
+    assert certificate.error == ""
+    assert certificate.passed
