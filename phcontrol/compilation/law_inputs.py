@@ -1,0 +1,92 @@
+"""The numbers of a law that a compiled function takes as inputs: gains, goals, tables of references."""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.compilation.symbol import symbols
+from phcontrol.compilation.tracing import holds_state
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.system import MechanicalSystem
+
+_LEFT_ALONE = ("_given", "_found", "parameters")
+
+
+def law_numbers(law: Controller) -> Array:
+    """Return every number that ``with_inputs`` makes an input, in its order, shape (m,)."""
+    found: list[float] = []
+
+    def keep(values: list[float]) -> list[Any]:
+        found.extend(values)
+        return list(values)
+
+    with_inputs(law, law.system, keep)
+    return np.array(found, dtype=np.float64)
+
+
+def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list[Any]]) -> Controller:
+    """Return a copy of a law that computes with another system, in whose arrays every number but 0 is replaced.
+
+    Arrays of the law and of what it holds (potential, reference, laws of a schedule) are gone through in order, each
+    once. What is 0 stays 0, so that sparse gains stay cheap; single floats, flags and texts stay as they are.
+
+    Args:
+        law: the law.
+        system: takes the place of its model.
+        make: returns what replaces the numbers of one array.
+    """
+    made: dict[int, Any] = {}
+    kept: list[Any] = []
+
+    def turned(thing: Any) -> Any:
+        if id(thing) in made:
+            return made[id(thing)]
+        result = _turned(thing)
+        made[id(thing)] = result
+        kept.append(thing)  # so that no other thing gets its id
+        return result
+
+    def _turned(thing: Any) -> Any:
+        if isinstance(thing, MechanicalSystem):
+            return system if thing is law.system else thing
+        if isinstance(thing, np.ndarray):
+            return _replaced(thing, make)
+        if isinstance(thing, tuple):
+            parts = [turned(part) for part in thing]
+            return type(thing)(*parts) if hasattr(thing, "_fields") else tuple(parts)
+        if isinstance(thing, list):
+            return [turned(part) for part in thing]
+        if isinstance(thing, dict):
+            return {key: turned(part) for key, part in thing.items()}
+        if isinstance(thing, functools.partial):
+            return functools.partial(thing.func, *turned(thing.args), **turned(thing.keywords))
+        if not holds_state(thing):
+            return thing
+        twin = copy.copy(thing)
+        made[id(thing)] = twin  # before its parts: they may hold it
+        for name, part in vars(thing).items():
+            if name not in _LEFT_ALONE:
+                twin.__dict__[name] = turned(part)
+        return twin
+
+    result: Controller = turned(law)
+    return result
+
+
+def _replaced(array: Any, make: Callable[[list[float]], list[Any]]) -> Any:
+    if array.dtype != np.float64 or not array.any():
+        return array
+    flat = array.ravel()
+    places = np.flatnonzero(flat)
+    new = make([float(value) for value in flat[places]])
+    if all(isinstance(value, float) for value in new):
+        return array
+    entries = symbols(flat)
+    entries[places] = new
+    return entries.reshape(array.shape)
