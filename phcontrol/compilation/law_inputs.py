@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.compilation.symbol import symbols
 from phcontrol.compilation.tracing import holds_state
@@ -16,6 +17,11 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _LEFT_ALONE = ("_given", "_found", "parameters")
+
+
+def _left_alone(thing: Any, name: str) -> bool:
+    """Whether an attribute is not looked into: what was given, and what is computed on first use."""
+    return name in _LEFT_ALONE or isinstance(getattr(type(thing), name, None), lazy)
 
 
 def law_numbers(law: Controller) -> Array:
@@ -70,8 +76,10 @@ def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list
             return thing
         twin = copy.copy(thing)
         made[id(thing)] = twin  # before its parts: they may hold it
+        for name in [name for name in vars(thing) if isinstance(getattr(type(thing), name, None), lazy)]:
+            del twin.__dict__[name]
         for name, part in vars(thing).items():
-            if name not in _LEFT_ALONE:
+            if not _left_alone(thing, name):
                 twin.__dict__[name] = turned(part)
         return twin
 
@@ -90,3 +98,44 @@ def _replaced(array: Any, make: Callable[[list[float]], list[Any]]) -> Any:
     entries = symbols(flat)
     entries[places] = new
     return entries.reshape(array.shape)
+
+
+def structure_of(law: Controller) -> list[Any]:
+    """Return all of a law that is part of its code and no input: two laws with the same need one compilation."""
+    found: list[Any] = []
+    seen: dict[int, int] = {}
+    kept: list[Any] = []
+
+    def look(thing: Any) -> None:
+        if isinstance(thing, (bool, int, float, str, type(None))):
+            found.append(repr(thing))
+            return
+        if id(thing) in seen:
+            found.append(seen[id(thing)])
+            return
+        seen[id(thing)] = len(seen)
+        kept.append(thing)
+        found.append(type(thing))
+        if isinstance(thing, np.ndarray):
+            found.append((thing.shape, np.flatnonzero(thing).tobytes()))
+            found.append(b"" if thing.dtype == np.float64 else thing.tobytes())
+        elif isinstance(thing, (tuple, list)):
+            for part in thing:
+                look(part)
+        elif isinstance(thing, dict):
+            for key, part in thing.items():
+                found.append(key)
+                look(part)
+        elif isinstance(thing, functools.partial):
+            for part in (thing.func, thing.args, thing.keywords):
+                look(part)
+        elif not holds_state(thing):
+            found.append(id(thing))
+        else:
+            for name, part in vars(thing).items():
+                if not _left_alone(thing, name):
+                    found.append(name)
+                    look(part)
+
+    look(law)
+    return found
