@@ -59,6 +59,7 @@ class Caller:
         found = [kernels.finite_copy(value, size) for value, size in zip(arguments[1:4], sizes, strict=True)]
         seen = [kernels.finite_copy(arguments[4][k], size) if len(arguments) == 5 else None
                 for k, size in enumerate(self._measured) if size]  # fmt: skip
-        if any(value is None for value in (*found, *seen)):
+        plain = [value for value in (*found, *seen) if value is not None]
+        if len(plain) < len(found) + len(seen):
             return None
-        return [*found, np.concatenate([np.zeros(0), *seen])]
+        return [*plain[:3], np.concatenate([np.zeros(0), *plain[3:]])]

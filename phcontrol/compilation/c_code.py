@@ -23,9 +23,9 @@ _UNARY = {
     "OP_NEG": "-{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "{0} + {0}", "OP_INV": "{1} / {0}",
     "OP_SIGN": "(real)(({0} > 0) - ({0} < 0))", "OP_NOT": "(real)!{0}",
 }  # fmt: skip
-_OPERATIONS = {
-    getattr(casadi, name): name for name in (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO") if hasattr(casadi, name)
-}  # fmt: skip
+_NAMES = (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO")
+_OPERATIONS = {getattr(casadi, name): name for name in _NAMES if hasattr(casadi, name)}
+_LARGEST_FLOAT = 3.4028234e38
 
 INPUTS = ("t", "q", "v", "s", "m", "p")
 """What a function reads: time, q, q̇, the law's state, what is measured, its numbers."""
@@ -45,6 +45,8 @@ def literal(value: float, single: bool) -> str:
         return "NAN"
     if math.isinf(value):
         return "INFINITY" if value > 0 else "(-INFINITY)"
+    if single and abs(value) > _LARGEST_FLOAT:
+        value = math.copysign(_LARGEST_FLOAT, value)
     text = repr(value)
     if not any(mark in text for mark in ".en"):
         text += ".0"
@@ -91,7 +93,9 @@ def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any]
     body = "\n  ".join(lines)
     arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
     unused = " ".join(f"(void){name};" for name in INPUTS)
-    return Function(f"static int {name}({arguments}) {{\n  {unused} (void)out;\n  {body}\n  return 1;\n}}\n", operations)
+    return Function(
+        f"static int {name}({arguments}) {{\n  {unused} (void)out;\n  {body}\n  return 1;\n}}\n", operations
+    )
 
 
 def _expression(code: int, operands: list[str], suffix: str, one: str) -> str:
@@ -124,5 +128,3 @@ def law_source(law: TracedLaw) -> str:
         "/* Made by phcontrol of a law's own file. */\n#include <math.h>\ntypedef double real;\n\n"
         f"{texts}\nint phcontrol_law({arguments});\nint phcontrol_law({arguments}) {{ return {calls}; }}\n"
     )
-
-

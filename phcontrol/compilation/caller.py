@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
-CALLER = "C"
-"""Which one is in use: "C" or "ctypes"."""
+__all__ = ["CALLER", "Caller"]
 
-Caller: Any
-try:
-    from phcontrol.compilation._caller import Caller
-except ImportError:
+if TYPE_CHECKING:
     from phcontrol.compilation._plain_caller import Caller
+else:
+    try:
+        from phcontrol.compilation._caller import Caller
+    except ImportError:
+        from phcontrol.compilation._plain_caller import Caller
 
-    CALLER = "ctypes"
+CALLER = "ctypes" if Caller.__module__.endswith("_plain_caller") else "C"
+"""Which one is in use: "C" or "ctypes"."""

@@ -124,8 +124,7 @@ def compile_law(controller: Law, *, native: bool = False, progress: bool = False
     check_loop(controller, getattr(controller, "system", None))
     if isinstance(controller, CompiledLaw):
         return controller
-    if importlib.util.find_spec("casadi") is None:
-        raise CompilationError(f"casadi is needed to compile a law: {INSTALL}")
+    need_casadi()
     compiler = find_compiler()
     if compiler is None:
         warnings.warn(
@@ -157,6 +156,12 @@ def compile_law(controller: Law, *, native: bool = False, progress: bool = False
     return made  # type: ignore[return-value]
 
 
+def need_casadi() -> None:
+    """Raise CompilationError, with what to install, where CasADi is missing."""
+    if importlib.util.find_spec("casadi") is None:
+        raise CompilationError(f"casadi is needed to write a law down as C: {INSTALL}")
+
+
 def _trace(law: Controller) -> TracedLaw:
     from phcontrol.compilation.instants import instants
     from phcontrol.compilation.trace import trace_law
@@ -185,8 +190,9 @@ def _made(law: Controller, layout: Layout, numbers: Array, library: Path, option
 
     made.interpreted, made._layout, made._options = law, layout, options
     made._structure = structure_of(law)
-    lengths = tuple(sizes.get(name, 0) for name in Measured._fields)
-    made.step = Caller(address, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded)
+    force, total, features = (sizes.get(name, 0) for name in Measured._fields)
+    lengths = force, total, features
+    made.step = Caller(address or 0, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded)
     return made
 
 

@@ -39,7 +39,8 @@ def _drawn(law: Controller, generator: np.random.Generator, kind: int) -> Instan
         system.robot.random_position(generator), generator.normal(size=system.n) * (0.02 if kind % 4 == 3 else 1.0)
     )
     force: Array = np.zeros(system.n) if kind % 3 == 2 else 5.0 * generator.normal(size=system.n)
-    time = float(generator.uniform(-0.1, 1.2) * span if kind % 2 else generator.uniform(0.0, 1.0) * span)
+    ends = (0.0, -0.1 * span, 1.1 * span, *law.phases)
+    time = float(ends[kind // 5 % len(ends)] if kind % 5 == 0 else generator.uniform(0.0, span))
     features = None
     if law.eyes is not None and "features" in law.needs:
         scene = law.eyes.random_scene(x, generator, 0.5 if kind % 2 else 1.0)

@@ -72,12 +72,14 @@ def relative_factor_rate(T: Any, coriolis: Any) -> SymbolArray:
 def transformed_rate(T: Any, coriolis: Any, velocity: Any, force: Any) -> Any:
     """Return Ṫᵀs + T⁻¹(f − C s)."""
     rate = velocity.dot(T).dot(relative_factor_rate(T, coriolis))
-    return rate + solve(T, force - coriolis.dot(velocity))
+    result: SymbolArray = rate + solve(T, force - coriolis.dot(velocity))
+    return result
 
 
 def momentum_derivative(T: Any, mass_matrix_derivative: Any, momentum: Any) -> SymbolArray:
     """Return P: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄."""
-    return symbols([-_lower_half(T, matrix).dot(momentum) for matrix in mass_matrix_derivative]).T
+    rows = symbols([-_lower_half(T, matrix).dot(momentum) for matrix in mass_matrix_derivative])
+    return rows.T.view(SymbolArray)
 
 
 def feedback(force: Any, stiffness: Any, error: Any, damping: Any, velocity: Any, desired: Any) -> Any:
@@ -104,7 +106,7 @@ def eliminate(matrix: Any) -> Elimination:
     order = list(range(n))
     for j in range(n):
         if not definite:
-            pivot = max(range(j, n), key=lambda row: abs(sample_of(work[row, j])))  # noqa: B023
+            pivot = max(range(j, n), key=lambda row: abs(sample_of(work[row, j])))
             work[[j, pivot]], order[j], order[pivot] = work[[pivot, j]], order[pivot], order[j]
             if any(abs(work[i, j]) * _SHARE > abs(work[j, j]) for i in range(j + 1, n)) or work[j, j] == 0.0:
                 raise NotTraceableError("a linear system is singular at the sample")
@@ -120,7 +122,7 @@ def eliminate(matrix: Any) -> Elimination:
 def substitute(found: Elimination, right: Any) -> SymbolArray:
     """Return A⁻¹b for a vector or the columns of a matrix, of the factors of A."""
     factors, n = found.factors, len(found.order)
-    result = symbols(right)[found.order]
+    result = symbols(right)[found.order].view(SymbolArray)
     for i in range(n):
         for k in range(i):
             result[i] = result[i] - factors[i, k] * result[k]

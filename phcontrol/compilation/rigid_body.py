@@ -154,9 +154,7 @@ class Gyration(NamedTuple):
         return cls(momentum.linear, momentum.angular, tuple(scale(0.5, row) for row in half))  # type: ignore[arg-type]
 
     def __add__(self, other: Gyration) -> Gyration:  # type: ignore[override]
-        return Gyration(
-            add(self.linear, other.linear), add(self.angular, other.angular), sum_of(self.even, other.even)
-        )
+        return Gyration(add(self.linear, other.linear), add(self.angular, other.angular), sum_of(self.even, other.even))
 
     def along(self, s: Twist) -> Twist:
         """Return B s."""
@@ -377,7 +375,9 @@ class ArmPosture:
     def inverse_dynamics(self, velocity: Any, along: Any, acceleration: Any) -> list[Scalar]:
         """Return M a + C(q, q̇)s + g for a velocity s and an acceleration a, entry by entry; no matrix is formed."""
         twists, rates = self.twists(velocity), self.axis_rates(velocity)
-        flows, changes, forces = self.twists(along), [], []
+        flows = self.twists(along)
+        changes: list[Twist] = []
+        forces: list[Twist] = []
         for k, body in enumerate(self.arm.bodies):
             own = self.axes[k].times(acceleration[k]) + rates[k].times(along[k])
             fall = Twist(scale(-1.0, self.arm.gravity), NOTHING)

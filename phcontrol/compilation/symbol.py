@@ -157,25 +157,25 @@ class Symbol:
     def __bool__(self) -> bool:
         return self.guards.take(self.expression != 0.0, self.sample != 0.0)
 
-    def __lt__(self, other: Any) -> bool:
+    def __lt__(self, other: Any) -> Any:
         return self._compared(other, lambda a, b: a < b)
 
-    def __le__(self, other: Any) -> bool:
+    def __le__(self, other: Any) -> Any:
         return self._compared(other, lambda a, b: a <= b)
 
-    def __gt__(self, other: Any) -> bool:
+    def __gt__(self, other: Any) -> Any:
         return self._compared(other, lambda a, b: a > b)
 
-    def __ge__(self, other: Any) -> bool:
+    def __ge__(self, other: Any) -> Any:
         return self._compared(other, lambda a, b: a >= b)
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, other: object) -> Any:
         return self._compared(other, lambda a, b: a == b)
 
-    def __ne__(self, other: object) -> bool:
+    def __ne__(self, other: object) -> Any:
         return self._compared(other, lambda a, b: a != b)
 
-    def _compared(self, other: Any, compare: Callable[[Any, Any], Any]) -> bool:
+    def _compared(self, other: Any, compare: Callable[[Any, Any], Any]) -> Any:
         right, sample = _parts(other)
         if right is None:
             return NotImplemented

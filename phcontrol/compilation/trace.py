@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.compilation.errors import CompilationError, NotTraceableError
 from phcontrol.compilation.law_inputs import law_numbers, with_inputs
@@ -121,7 +122,9 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
 
     def inputs_of(which: int) -> SymbolArray:
         entries = casadi.vertsplit(inputs[which]) if inputs[which].numel() else []
-        return symbols([Symbol(entry, float(value), guards) for entry, value in zip(entries, values[which], strict=True)])
+        return symbols(
+            [Symbol(entry, float(value), guards) for entry, value in zip(entries, values[which], strict=True)]
+        )
 
     numbers, taken = inputs_of(5), 0
 
@@ -137,12 +140,16 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
     for name, size in layout.measured:
         shown[name] = seen[start : start + size]
         start += size
+    before = dict(vars(traced))
     try:
         with tracing(classes_of(law)):
             x: MechanicalState = TracedState(system, position, velocity)
             torque, rate = traced.evaluate(inputs_of(0)[0], x, state, Measured(**shown))
     except Exception as error:  # whatever a law does that symbols cannot
         raise refusal(law.name, error) from error
+    for name, value in vars(traced).items():
+        if before.get(name, before) is not value and not isinstance(getattr(type(traced), name, None), lazy):
+            raise NotTraceableError(f"{law.name} cannot be compiled: it keeps '{name}' between calls, outside its state")
     if len(torque) != layout.joints or len(rate) != layout.state:
         raise NotTraceableError(f"{law.name} cannot be compiled: its command has lengths {len(torque)}, {len(rate)}")
     return Trace(guards.expressions, _expressions(torque), _expressions(rate))

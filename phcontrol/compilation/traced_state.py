@@ -46,7 +46,8 @@ class TracedState(MechanicalState):
             return full
         E = symbols(self._map)
         turned = E.T.dot(full)
-        return turned if full.ndim == 1 else turned.dot(E)
+        reduced: SymbolArray = turned if full.ndim == 1 else turned.dot(E)
+        return reduced
 
     def _independent(self, jacobian: Any) -> Any:
         full = symbols(jacobian)
