@@ -37,10 +37,10 @@ def law_numbers(law: Controller) -> Array:
 
 
 def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list[Any]]) -> Controller:
-    """Return a copy of a law that computes with another system, in whose arrays every number but 0 is replaced.
+    """Return a copy of a law that computes with another system, in whose arrays numbers are replaced.
 
     Arrays of the law and of what it holds (potential, reference, laws of a schedule) are gone through in order, each
-    once. What is 0 stays 0, so that sparse gains stay cheap; single floats, flags and texts stay as they are.
+    once. What is 0 in a matrix stays 0, so that sparse gains stay cheap; single floats, flags and texts stay as they are.
 
     Args:
         law: the law.
@@ -88,16 +88,22 @@ def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list
 
 
 def _replaced(array: Any, make: Callable[[list[float]], list[Any]]) -> Any:
-    if array.dtype != np.float64 or not array.any():
+    if array.dtype != np.float64:
         return array
-    flat = array.ravel()
-    places = np.flatnonzero(flat)
+    flat, places = array.ravel(), _places(array)
+    if not places.size:
+        return array
     new = make([float(value) for value in flat[places]])
     if all(isinstance(value, float) for value in new):
         return array
     entries = symbols(flat)
     entries[places] = new
     return entries.reshape(array.shape)
+
+
+def _places(array: Any) -> Any:
+    """Return where in an array, flattened, inputs are: everywhere in a vector, elsewhere where it is not 0."""
+    return np.arange(array.size) if array.ndim == 1 else np.flatnonzero(array)
 
 
 def structure_of(law: Controller) -> list[Any]:
@@ -117,7 +123,7 @@ def structure_of(law: Controller) -> list[Any]:
         kept.append(thing)
         found.append(type(thing))
         if isinstance(thing, np.ndarray):
-            found.append((thing.shape, np.flatnonzero(thing).tobytes()))
+            found.append((thing.shape, _places(thing).tobytes()))
             found.append(b"" if thing.dtype == np.float64 else thing.tobytes())
         elif isinstance(thing, (tuple, list)):
             for part in thing:

@@ -79,7 +79,8 @@ def transformed_rate(T: Any, coriolis: Any, velocity: Any, force: Any) -> Any:
 def momentum_derivative(T: Any, mass_matrix_derivative: Any, momentum: Any) -> SymbolArray:
     """Return P: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄."""
     rows = symbols([-_lower_half(T, matrix).dot(momentum) for matrix in mass_matrix_derivative])
-    return rows.T.view(SymbolArray)
+    result: SymbolArray = rows.T.view(SymbolArray)
+    return result
 
 
 def feedback(force: Any, stiffness: Any, error: Any, damping: Any, velocity: Any, desired: Any) -> Any:

@@ -125,7 +125,7 @@ class Symbol:
     def __pow__(self, other: Any) -> Any:
         if isinstance(other, (int, np.integer)) or (isinstance(other, float) and other.is_integer()):
             return self._power(int(other))
-        if other == 0.5:
+        if type(other) is not Symbol and other == 0.5:
             return self.sqrt()
         return self._binary("power", other, math.pow)
 

@@ -149,7 +149,9 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
         raise refusal(law.name, error) from error
     for name, value in vars(traced).items():
         if before.get(name, before) is not value and not isinstance(getattr(type(traced), name, None), lazy):
-            raise NotTraceableError(f"{law.name} cannot be compiled: it keeps '{name}' between calls, outside its state")
+            raise NotTraceableError(
+                f"{law.name} cannot be compiled: it keeps '{name}' between calls, outside its state"
+            )
     if len(torque) != layout.joints or len(rate) != layout.state:
         raise NotTraceableError(f"{law.name} cannot be compiled: its command has lengths {len(torque)}, {len(rate)}")
     return Trace(guards.expressions, _expressions(torque), _expressions(rate))
