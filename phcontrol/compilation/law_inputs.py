@@ -40,7 +40,8 @@ def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list
     """Return a copy of a law that computes with another system, in whose arrays numbers are replaced.
 
     Arrays of the law and of what it holds (potential, reference, laws of a schedule) are gone through in order, each
-    once. What is 0 in a matrix stays 0, so that sparse gains stay cheap; single floats, flags and texts stay as they are.
+    once. What is 0 in a matrix stays 0, so that sparse gains stay cheap; single floats, flags and texts stay as they
+    are.
 
     Args:
         law: the law.
