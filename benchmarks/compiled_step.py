@@ -64,12 +64,13 @@ def main() -> None:
         ratios = [times[f"{label}: {kind}"].median / unit for kind in ("interpreted", "evaluate", "step")]
         p99 = times[f"{label}: step"].p99 / unit
         name, _, form = label.partition(" ")
+        duration = report.trace_time + report.compile_time
         budget = BUDGETS.get((name, form), JOINT_SPACE if form == "coriolis" else CANONICAL)
         rows[label] = dict(zip(("interpreted", "evaluate", "step"), ratios, strict=True)) | {"p99": p99}
         rows[label] |= {"operations": report.operations, "difference": report.difference}
         print(
             f"{label:<46}{ratios[0]:>12.2f}{ratios[1]:>10.3f}{ratios[2]:>8.3f}{p99:>8.2f}{report.operations:>12}"
-            f"{report.trace_time + report.compile_time:>11.1f} s   {budget} {'met' if ratios[2] <= budget else 'MISSED'}"
+            f"{duration:>11.1f} s   {budget} {'met' if ratios[2] <= budget else 'MISSED'}"
         )
     if options.json:
         Path(options.json).write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")

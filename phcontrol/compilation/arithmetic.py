@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import math
+import threading
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,9 @@ from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import Symbol, SymbolArray, is_symbolic, larger, symbols
 from phcontrol.mechanics import kernels
 
+TRACING: set[int] = set()
+"""The thread that traces: others that run laws meanwhile get plain arrays, as ever."""
+
 
 def _array(values: Any, dtype: Any = None, **options: Any) -> Any:
     """Return an array, of objects where it holds a symbol."""
@@ -27,7 +31,7 @@ def _room(make: Callable[..., Any]) -> Callable[..., Any]:
     """Return a maker of arrays that symbols can be written into."""
 
     def made(*arguments: Any, dtype: Any = None, **options: Any) -> Any:
-        if dtype not in (None, float, np.float64):
+        if threading.get_ident() not in TRACING or dtype not in (None, float, np.float64, FLOAT):
             return make(*arguments, dtype=dtype, **options)
         return symbols(make(*arguments, **options))
 

@@ -21,6 +21,7 @@ from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
 
 if TYPE_CHECKING:
@@ -81,12 +82,24 @@ class CompiledLaw(Controller):
 
     def changed(self, **arguments: Any) -> Any:
         """Return another with these arguments: of other gains or goals without a compiler, else compiled anew."""
+        return self._like(self.interpreted.changed(**arguments))
+
+    def on(self, system: MechanicalSystem) -> Any:
+        """Return the same law for another plant: one with other inertias without a compiler, if these are inputs.
+
+        A goal or gains that were not given to the law but made to suit its arm stay what they are.
+        """
+        check_system(system)
+        return self._like(type(self.interpreted)(system, **self.interpreted._given))
+
+    def _like(self, other: Controller) -> Any:
+        """Return another law compiled: by the same code where that is the same, else anew."""
         from phcontrol.compilation.law_inputs import law_numbers, structure_of
 
-        other = self.interpreted.changed(**arguments)
-        if structure_of(other) != self._structure:
+        inertias = self._options.get("inertias", False)
+        if structure_of(other, inertias) != self._structure:
             return compile_law(other, **self._options)
-        made = _made(other, self._layout, law_numbers(other), self.report.library, self._options)
+        made = _made(other, self._layout, law_numbers(other, inertias), self.report.library, self._options)
         difference, covered = _checked(made)
         made.report = self.report._replace(difference=difference, covered=covered, trace_time=0.0, compile_time=0.0)
         return made
@@ -96,7 +109,7 @@ class CompiledLaw(Controller):
         return _restored, (self.interpreted, self._options)
 
 
-def compile_law(controller: Law, *, native: bool = False, progress: bool = False) -> Law:
+def compile_law(controller: Law, *, inertias: bool = False, native: bool = False, progress: bool = False) -> Law:
     """Return a law that orders the same as another, computed in C, traced from the law's own file.
 
     It is a law of the same class with the same promises. Gains, goals and the tables of references are inputs of what
@@ -107,6 +120,8 @@ def compile_law(controller: Law, *, native: bool = False, progress: bool = False
 
     Args:
         controller: any law whose arithmetic NumPy and ``math`` do; what else it does is refused, with the line.
+        inertias: make masses, centres and moments of the arm's bodies inputs too, so that ``law.on(system)`` needs no
+            compiler for another payload. It costs some operations: what is 0 of them is no longer left out.
         native: compile for this very processor (``-march=native``).
         progress: say on stderr what is being done, and how long it took.
 
@@ -134,19 +149,18 @@ def compile_law(controller: Law, *, native: bool = False, progress: bool = False
         )
         return controller
     from phcontrol.compilation.c_code import law_source, variant
-    from phcontrol.compilation.law_inputs import structure_of
 
     say = _Progress(progress)
     start = time.perf_counter()
     say(f"{controller.name}: tracing")
-    traced = _trace(controller)
+    traced = _trace(controller, inertias)
     source = law_source(traced)
     traced_at = time.perf_counter()
     say(f"{controller.name}: compiling {len(source) / 1000:.0f} kB of C")
     library = compiled(source, compiler, native=native)
     compiled_at = time.perf_counter()
-    made = _made(controller, traced.layout, traced.numbers, library, {"native": native, "progress": progress})
-    made._structure = structure_of(controller)
+    options = {"inertias": inertias, "native": native, "progress": progress}
+    made = _made(controller, traced.layout, traced.numbers, library, options)
     difference, covered = _checked(made)
     operations = max(variant("f", traced, trace).operations for trace in traced.traces)
     made.report = CompilationReport(
@@ -162,11 +176,11 @@ def need_casadi() -> None:
         raise CompilationError(f"casadi is needed to write a law down as C: {INSTALL}")
 
 
-def _trace(law: Controller) -> TracedLaw:
+def _trace(law: Controller, inertias: bool) -> TracedLaw:
     from phcontrol.compilation.instants import instants
     from phcontrol.compilation.trace import trace_law
 
-    return trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)])
+    return trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)], inertias=inertias)
 
 
 def _made(law: Controller, layout: Layout, numbers: Array, library: Path, options: dict[str, Any]) -> CompiledLaw:
@@ -189,7 +203,7 @@ def _made(law: Controller, layout: Layout, numbers: Array, library: Path, option
     from phcontrol.compilation.law_inputs import structure_of
 
     made.interpreted, made._layout, made._options = law, layout, options
-    made._structure = structure_of(law)
+    made._structure = structure_of(law, options.get("inertias", False))
     force, total, features = (sizes.get(name, 0) for name in Measured._fields)
     lengths = force, total, features
     made.step = Caller(address or 0, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded)

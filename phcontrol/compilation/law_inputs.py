@@ -11,6 +11,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
+from phcontrol.compilation.rigid_body import ArmModel
 from phcontrol.compilation.symbol import symbols
 from phcontrol.compilation.tracing import holds_state
 from phcontrol.controllers.controller import Controller
@@ -24,8 +25,13 @@ def _left_alone(thing: Any, name: str) -> bool:
     return name in _LEFT_ALONE or isinstance(getattr(type(thing), name, None), lazy)
 
 
-def law_numbers(law: Controller) -> Array:
-    """Return every number that ``with_inputs`` makes an input, in its order, shape (m,)."""
+def law_numbers(law: Controller, inertias: bool = False) -> Array:
+    """Return every number that ``with_inputs`` makes an input, in its order, shape (m,); those of the arm's after them.
+
+    Args:
+        law: the law.
+        inertias: whether the inertias of the arm are inputs too.
+    """
     found: list[float] = []
 
     def keep(values: list[float]) -> list[Any]:
@@ -33,6 +39,8 @@ def law_numbers(law: Controller) -> Array:
         return list(values)
 
     with_inputs(law, law.system, keep)
+    if inertias:
+        found += ArmModel(law.system.model).inertial_numbers()
     return np.array(found, dtype=np.float64)
 
 
@@ -107,8 +115,8 @@ def _places(array: Any) -> Any:
     return np.arange(array.size) if array.ndim == 1 else np.flatnonzero(array)
 
 
-def structure_of(law: Controller) -> list[Any]:
-    """Return all of a law that is part of its code and no input: two laws with the same need one compilation."""
+def structure_of(law: Controller, inertias: bool = False) -> list[Any]:
+    """Return all of a law, and of its arm, that is code and no input: two laws with the same need one compilation."""
     found: list[Any] = []
     seen: dict[int, int] = {}
     kept: list[Any] = []
@@ -136,6 +144,10 @@ def structure_of(law: Controller) -> list[Any]:
         elif isinstance(thing, functools.partial):
             for part in (thing.func, thing.args, thing.keywords):
                 look(part)
+        elif isinstance(thing, MechanicalSystem):
+            found.extend(ArmModel(thing.model).structure(inertias))
+            for part in (thing.friction, thing.potentials, thing.coupling, thing.robot.continuous, thing.input_matrix):
+                look_exactly(part)
         elif not holds_state(thing):
             found.append(id(thing))
         else:
@@ -143,6 +155,21 @@ def structure_of(law: Controller) -> list[Any]:
                 if not _left_alone(thing, name):
                     found.append(name)
                     look(part)
+
+    def look_exactly(thing: Any) -> None:
+        """Look at what belongs to the plant: its numbers are code."""
+        if isinstance(thing, np.ndarray):
+            found.append((thing.shape, thing.tobytes()))
+        elif isinstance(thing, tuple):
+            for part in thing:
+                look_exactly(part)
+        elif hasattr(thing, "__dict__") and not callable(thing):
+            found.append(type(thing))
+            for name, part in vars(thing).items():
+                found.append(name)
+                look_exactly(part)
+        else:
+            found.append(repr(thing))
 
     look(law)
     return found

@@ -13,6 +13,7 @@ origin it is B = [[0, −f×], [0, E − ½ k×]], (f, k) = Iv its momentum and 
 
 from __future__ import annotations
 
+import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -223,6 +224,35 @@ class ArmModel:
             _rows(inertia.inertia),
             float(model.armature[index - 1]),
         )
+
+    def inertial_numbers(self) -> list[float]:
+        """Return mass [kg], centre [m] and the six moments about it [kg·m²], body by body."""
+        numbers: list[float] = []
+        for body in self.bodies:
+            (a, b, c), (_, d, e), (_, _, f) = body.inertia
+            numbers += [body.mass, *body.centre, a, b, c, d, e, f]
+        return numbers
+
+    def with_inertial_numbers(self, numbers: Any) -> ArmModel:
+        """Return the same arm with other inertias, floats or symbols, in the order of ``inertial_numbers``."""
+        other = copy.copy(self)
+        other.bodies = []
+        for k, body in enumerate(self.bodies):
+            mass, x, y, z, a, b, c, d, e, f = numbers[10 * k : 10 * k + 10]
+            rows: Rows = ((a, b, c), (b, d, e), (c, e, f))
+            other.bodies.append(body._replace(mass=mass, centre=(x, y, z), inertia=rows))
+        return other
+
+    def structure(self, inertias: bool) -> list[Any]:
+        """Return all of the arm that is code: joints, frames, gravity, armature; inertias unless they are inputs."""
+        bodies = self.bodies
+        if inertias:
+            bodies = [body._replace(mass=0.0, centre=NOTHING, inertia=_NO_ROWS) for body in bodies]
+        frames = [
+            (frame.name, frame.parentJoint, _vector(frame.placement.translation), _rows(frame.placement.rotation))
+            for frame in self.frames
+        ]
+        return [self.gravity, bodies, self.supports, frames]
 
     def at(self, position: Any) -> ArmPosture:
         """Return the arm at joint positions, floats or symbols."""

@@ -76,12 +76,14 @@ def layout_of(law: Controller, numbers: int) -> Layout:
     return Layout(law.system.n, law.state_size, tuple((name, sizes[name]) for name in law.needs), numbers)
 
 
-def trace_law(law: Controller, instants: list[Instant]) -> TracedLaw:
+def trace_law(law: Controller, instants: list[Instant], *, inertias: bool = False) -> TracedLaw:
     """Return a law as expressions, traced the way that it takes at each of some instants, at most ``VARIANTS`` ways.
+
+    With ``inertias`` the inertias of the arm are inputs too.
 
     Raises NotTraceableError, naming the line, when it cannot be traced at any of them.
     """
-    numbers = law_numbers(law)
+    numbers = law_numbers(law, inertias)
     layout = layout_of(law, numbers.size)
     names = {"t": 1, "q": layout.joints, "v": layout.joints, "s": layout.state, "m": layout.measured_size}
     inputs = [casadi.SX.sym(name, size) for name, size in (names | {"p": numbers.size}).items()]
@@ -93,7 +95,7 @@ def trace_law(law: Controller, instants: list[Instant]) -> TracedLaw:
         if any(_covers(cover, values) for cover in covers) or len(traces) == VARIANTS:
             continue
         try:
-            trace = _traced(law, layout, inputs, values)
+            trace = _traced(law, layout, inputs, values, inertias)
         except NotTraceableError as error:
             failure = error
             continue
@@ -117,7 +119,7 @@ def _covers(guards: Any, values: list[Array]) -> bool:
     return bool(np.array(guards(*values)).all())
 
 
-def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array]) -> Trace:
+def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: bool) -> Trace:
     guards = Guards()
 
     def inputs_of(which: int) -> SymbolArray:
@@ -135,6 +137,8 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
 
     system = traced_system(law.system)
     traced = with_inputs(law, system, make)
+    if inertias:
+        system.arm = system.arm.with_inertial_numbers(numbers[taken:])
     position, velocity, state = inputs_of(1), inputs_of(2), inputs_of(3)
     seen, start, shown = inputs_of(4), 0, {}
     for name, size in layout.measured:

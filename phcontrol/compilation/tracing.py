@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
+from phcontrol.compilation.arithmetic import FLOAT, STAND_INS, TRACING
 from phcontrol.compilation.errors import NotTraceableError
 
 _PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
@@ -46,8 +46,10 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                         space[name] = stand_in
                 before.append((space, "float", space.get("float", _MISSING)))
                 space["float"] = FLOAT
+            TRACING.add(threading.get_ident())
             yield
         finally:
+            TRACING.discard(threading.get_ident())
             for space, name, value in reversed(before):
                 if value is _MISSING:
                     del space[name]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import pickle
+import threading
 import time
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import phcontrol.compilation.compiled_law as compiled_law_module
@@ -349,3 +351,56 @@ def test_a_compiler_that_fails_gives_one_line(shoulder, monkeypatch, tmp_path):
     with pytest.raises(CompilationError, match=r"failed: law.c:3: error: no$") as caught:
         compile_law(law)
     assert "\n" not in str(caught.value)
+
+
+def test_another_payload_needs_no_compiler_where_inertias_are_inputs(monkeypatch):
+    robots = [load_robot("pera_shoulder_elbow") for _ in range(2)]
+    heavy = robots[1].model
+    heavy.inertias[heavy.njoints - 1] += pin.Inertia(1.5, np.array([0.02, -0.1, 0.05]), 2e-3 * np.eye(3))
+    light_arm, heavy_arm = map(MechanicalSystem, robots)
+    law = make_controller("force_feedback", light_arm)
+    compiled, plain = compile_law(law, inertias=True), compile_law(law)
+    assert differences(law, compiled).max() <= TOLERANCE
+    assert compiled.report.operations >= plain.report.operations
+    monkeypatch.setattr(compiled_law_module, "find_compiler", lambda: pytest.fail("the compiler was asked for"))
+    loaded = compiled.on(heavy_arm)
+    expected = type(law)(heavy_arm, **law._given)
+    assert differences(expected, loaded).max() <= TOLERANCE
+    assert loaded.step.counts[1] == 0
+    assert differences(law, compiled).max() <= TOLERANCE
+    x, seen = heavy_arm.at(heavy_arm.robot.home), light_arm.at(light_arm.robot.home)
+    torques = loaded.evaluate(0.0, x, np.zeros(3)).torque, compiled.evaluate(0.0, seen, np.zeros(3)).torque
+    assert np.abs(torques[0] - torques[1]).max() > 1.0  # 1.5 kg are felt
+    with pytest.raises(pytest.fail.Exception, match="the compiler was asked for"):
+        plain.on(heavy_arm)
+    with pytest.raises(pytest.fail.Exception, match="the compiler was asked for"):
+        compiled.on(MechanicalSystem(robots[0], gravity=[0.0, 0.0, -1.6]))
+
+
+def test_laws_that_run_in_other_threads_while_one_is_traced_are_right(shoulder):
+    """The modules see other arithmetic meanwhile; for plain numbers it is the same, and arrays stay plain."""
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    law = make_controller("integral_action", system)
+    q, v, state = np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([0.1, 0.2, 0.3, 0.4])
+    expected = law.evaluate(0.0, system.at(q, v), state)
+    wrong, count, done = [], [0], threading.Event()
+
+    def ask():
+        while not done.is_set():
+            try:
+                for one, other in zip(law.evaluate(0.0, system.at(q, v), state), expected, strict=True):
+                    assert one.dtype == np.float64
+                    np.testing.assert_array_equal(one, other)
+            except Exception as error:
+                wrong.append(error)
+            count[0] += 1
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    try:
+        compile_law(make_controller("integral_action", make_system("ur5")))
+    finally:
+        done.set()
+        thread.join()
+    assert wrong == []
+    assert count[0] > 100
