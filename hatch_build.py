@@ -12,6 +12,7 @@ SOURCES = (
     Path("phcontrol", "_lazy_compiled.c"),
     Path("phcontrol", "mechanics", "_compiled.c"),
     Path("phcontrol", "safety", "_compiled.c"),
+    Path("phcontrol", "compilation", "_caller.c"),
 )
 
 

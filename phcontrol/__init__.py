@@ -7,6 +7,8 @@ from phcontrol.analysis.certify import certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.compilation.compiled_law import compile_law
+from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
@@ -135,6 +137,8 @@ __all__ = [
     "Certificate",
     "ClassicalImpedance",
     "Command",
+    "CompilationError",
+    "CompilationWarning",
     "CompliantBody",
     "ControlBox",
     "ControlLoop",
@@ -188,6 +192,7 @@ __all__ = [
     "MomentumObserver",
     "NonFiniteTorqueError",
     "NonNegative",
+    "NotTraceableError",
     "ObjectLostError",
     "ObservedObject",
     "PHControlError",
@@ -250,6 +255,7 @@ __all__ = [
     "check_canonical_transformation",
     "check_limits",
     "check_transformed_passivity",
+    "compile_law",
     "damping_for_gain",
     "drive",
     "equilibrium",

@@ -41,6 +41,7 @@ def test_what_a_class_of_ones_own_must_say_is_demanded(module):
 
 
 DEMANDED = {
+    "compilation.compiled_law": {"CompiledLaw": {"storage", "target"}},
     "controllers.controller": {"Controller": {"storage", "target"}},
     "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},

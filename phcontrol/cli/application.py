@@ -12,7 +12,9 @@ import typer
 from phcontrol._version import __version__
 from phcontrol.cli.certify import certify
 from phcontrol.cli.controllers import controllers
+from phcontrol.cli.doctor import doctor
 from phcontrol.cli.errors import DEBUG, reports_errors
+from phcontrol.cli.export import export
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_law import law_command
@@ -91,6 +93,8 @@ _add(app, "certify", certify)
 _add(app, "reproduce", reproduce_command)
 _add(app, "robots", robots)
 _add(app, "controllers", controllers)
+_add(app, "export", export)
+_add(app, "doctor", doctor)
 
 
 def main() -> None:

@@ -1,0 +1,91 @@
+"""``phcontrol doctor``."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import platform
+import sys
+from importlib import metadata
+
+import typer
+
+from phcontrol._lazy import lazy
+from phcontrol._version import __version__
+from phcontrol.cli.options import JsonOption
+from phcontrol.compilation.cache import cache_folder, problem_of
+from phcontrol.compilation.caller import CALLER
+from phcontrol.compilation.compiler import find_compiler
+from phcontrol.mechanics.kernels import KERNELS
+
+_NEEDED = ("pin", "numpy", "scipy", "proxsuite")
+_OPTIONAL = {  # module: package, extra, what for
+    "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
+    "pink": ("pin-pink", "kinematics", "goals for a frame: reach, follow, --reach"),
+    "cv2": ("opencv-python-headless", "vision", "features out of images"),
+}
+
+
+def doctor(as_json: JsonOption = False) -> None:
+    """Say what is installed and found here: versions, compiled parts, compiler, cache; and what is missing for what."""
+    found, missing = examined()
+    if as_json:
+        typer.echo(json.dumps({"found": found, "missing": missing}, indent=2))
+        return
+    width = max(map(len, found))
+    for name, value in found.items():
+        typer.echo(f"{name:<{width}}  {value}")
+    for line in missing:
+        typer.echo(f"missing: {line}")
+    if not missing:
+        typer.echo("nothing is missing")
+
+
+def examined() -> tuple[dict[str, str], list[str]]:
+    """Return what is found, by its name, and lines that say what is missing, and for what."""
+    found = {"phcontrol": __version__, "Python": platform.python_version(), "system": platform.platform()}
+    missing: list[str] = []
+    for package in _NEEDED:
+        found[package] = _version(package) or "not found"
+    for module, (package, extra, purpose) in _OPTIONAL.items():
+        version = _version(package) if importlib.util.find_spec(module) else ""
+        found[package] = version or "not installed"
+        if not version:
+            missing.append(f"{package}, for {purpose}: pip install 'phcontrol[{extra}]'")
+    in_c = not lazy.__module__.endswith("phcontrol._lazy")
+    found["kernels of a control step"] = KERNELS
+    found["attributes on first use"] = "compiled" if in_c else "Python"
+    found["calls of compiled laws"] = CALLER
+    if KERNELS != "compiled" or not in_c or CALLER != "C":
+        missing.append("compiled parts of the package, for speed: install it where there is a C compiler")
+    compiler = find_compiler()
+    found["C compiler"] = "none" if compiler is None else f"{compiler.path}: {compiler.version}"
+    if compiler is None:
+        missing.append("a C compiler (cc, gcc, clang, or what CC names), for compile_law: laws run interpreted")
+    found["cache of compiled laws"] = _cache(missing)
+    return found, missing
+
+
+def _cache(missing: list[str]) -> str:
+    folder = cache_folder()
+    if sys.platform == "win32":
+        return f"{folder}: not used on Windows"
+    try:
+        if not folder.exists():
+            return f"{folder}: empty"
+        problem = problem_of(folder)
+        objects = list(folder.glob("*.so"))
+        size = sum(path.stat().st_size for path in objects)
+    except OSError as error:
+        problem, objects, size = str(error.strerror or error), [], 0
+    if problem:
+        missing.append(f"a cache that is the user's alone, for compile_law: {folder}: {problem}")
+        return f"{folder}: refused, {problem}"
+    return f"{folder}: {len(objects)} laws, {size / 1e6:.1f} MB"
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""

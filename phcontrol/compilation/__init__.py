@@ -1,0 +1,1 @@
+"""Laws compiled to C from the very files that run interpreted (``phcontrol[compile]``)."""

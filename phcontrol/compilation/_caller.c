@@ -1,0 +1,194 @@
+/* Calls a compiled law from Python: checks, copies and the call in C, without the lock of the interpreter.
+
+   What is not a plain float64 array of finite numbers, a guard that does not hold, and an answer that is not finite all
+   lead to `fallback`, the same call in Python: it says what is wrong, or computes by the interpreted law. */
+#include "../_arrays.h"
+#include <stddef.h>
+
+typedef int (*Law)(double, const double *, const double *, const double *, const double *, const double *, double *);
+
+#define FIELDS 3 /* of Measured */
+
+typedef struct {
+  PyObject_HEAD
+  vectorcallfunc call;
+  Law law;
+  npy_intp joints, state, numbers;
+  npy_intp measured[FIELDS]; /* lengths; 0 for what is not needed */
+  npy_intp doubles;          /* of working memory */
+  double *values;            /* the law's numbers */
+  PyObject *fallback, *command, *owner;
+  unsigned long long steps, fallbacks;
+} Caller;
+
+/* Copy n finite doubles; 0 where there are none such. */
+static int take(PyObject *object, npy_intp n, double *out) {
+  PyArrayObject *array = (PyArrayObject *)object;
+  if (!PyArray_Check(object) || PyArray_NDIM(array) != 1 || PyArray_TYPE(array) != NPY_DOUBLE ||
+      PyArray_DIM(array, 0) != n || !PyArray_ISBEHAVED_RO(array))
+    return 0;
+  read_vector(object, n, out);
+  for (npy_intp i = 0; i < n; i++)
+    if (!isfinite(out[i])) return 0;
+  return 1;
+}
+
+static PyObject *answer(Caller *self, const double *out) {
+  double *place;
+  PyObject *torque = new_vector(self->joints, &place);
+  if (torque == NULL) return NULL;
+  memcpy(place, out, (size_t)self->joints * sizeof(double));
+  PyObject *rate = new_vector(self->state, &place);
+  if (rate == NULL) {
+    Py_DECREF(torque);
+    return NULL;
+  }
+  memcpy(place, out + self->joints, (size_t)self->state * sizeof(double));
+  PyObject *pair = PyTuple_Pack(2, torque, rate), *wrapped = NULL, *result = NULL;
+  Py_DECREF(torque);
+  Py_DECREF(rate);
+  if (pair != NULL && (wrapped = PyTuple_Pack(1, pair)) != NULL)
+    result = PyTuple_Type.tp_new((PyTypeObject *)self->command, wrapped, NULL);
+  Py_XDECREF(pair);
+  Py_XDECREF(wrapped);
+  return result;
+}
+
+static PyObject *call(PyObject *object, PyObject *const *arguments, size_t flags, PyObject *keywords) {
+  Caller *self = (Caller *)object;
+  Py_ssize_t given = PyVectorcall_NARGS(flags);
+  int done = 0;
+  PyObject *result = NULL;
+  Workspace space;
+  if (keywords != NULL || given < 4 || given > 5 || self->law == NULL) goto otherwise;
+  if (!PyFloat_Check(arguments[0])) goto otherwise;
+  if (!workspace_open(&space, self->doubles)) return NULL;
+  {
+    double t = PyFloat_AS_DOUBLE(arguments[0]);
+    double *q = workspace_take(&space, self->joints), *v = workspace_take(&space, self->joints);
+    double *s = workspace_take(&space, self->state);
+    double *m = workspace_take(&space, self->measured[0] + self->measured[1] + self->measured[2]);
+    double *out = workspace_take(&space, self->joints + self->state), *next = m;
+    int right = isfinite(t) && take(arguments[1], self->joints, q) && take(arguments[2], self->joints, v) &&
+                take(arguments[3], self->state, s);
+    for (int field = 0; right && field < FIELDS; field++) {
+      if (self->measured[field] == 0) continue;
+      right = given == 5 && PyTuple_Check(arguments[4]) && PyTuple_GET_SIZE(arguments[4]) == FIELDS &&
+              take(PyTuple_GET_ITEM(arguments[4], field), self->measured[field], next);
+      next += self->measured[field];
+    }
+    if (right) {
+      Py_BEGIN_ALLOW_THREADS
+      done = self->law(t, q, v, s, m, self->values, out);
+      for (npy_intp i = 0; done && i < self->joints + self->state; i++) done = isfinite(out[i]) != 0;
+      Py_END_ALLOW_THREADS
+    }
+    if (done) result = answer(self, out);
+  }
+  workspace_close(&space);
+otherwise:
+  self->steps++;
+  if (done) return result;
+  self->fallbacks++;
+  return PyObject_Vectorcall(self->fallback, arguments, (size_t)given, keywords);
+}
+
+static int traverse(PyObject *object, visitproc visit, void *arg) {
+  Caller *self = (Caller *)object;
+  Py_VISIT(self->fallback);
+  Py_VISIT(self->command);
+  Py_VISIT(self->owner);
+  return 0;
+}
+
+static int clear(PyObject *object) {
+  Caller *self = (Caller *)object;
+  Py_CLEAR(self->fallback);
+  Py_CLEAR(self->command);
+  Py_CLEAR(self->owner);
+  return 0;
+}
+
+static void dealloc(PyObject *object) {
+  PyObject_GC_UnTrack(object);
+  clear(object);
+  PyMem_Free(((Caller *)object)->values);
+  Py_TYPE(object)->tp_free(object);
+}
+
+static PyObject *make(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+  static char *names[] = {"address", "joints", "state", "measured", "numbers", "fallback", "command", "owner", NULL};
+  unsigned long long address;
+  Py_ssize_t joints, state, measured[FIELDS];
+  PyObject *numbers, *fallback, *command, *owner;
+  if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "Knn(nnn)OOO!O", names, &address, &joints, &state, &measured[0],
+                                   &measured[1], &measured[2], &numbers, &fallback, &PyType_Type, &command, &owner))
+    return NULL;
+  if (!PyArray_Check(numbers) || PyArray_NDIM((PyArrayObject *)numbers) != 1 ||
+      !is_doubles(numbers, 1, PyArray_DIM((PyArrayObject *)numbers, 0), "numbers"))
+    return PyErr_Occurred() ? NULL : (PyErr_SetString(PyExc_ValueError, "numbers must be a vector"), NULL);
+  if (joints < 1 || state < 0 || !PyType_IsSubtype((PyTypeObject *)command, &PyTuple_Type)) {
+    PyErr_SetString(PyExc_ValueError, "the layout is wrong");
+    return NULL;
+  }
+  Caller *self = (Caller *)type->tp_alloc(type, 0);
+  if (self == NULL) return NULL;
+  self->call = call;
+  self->law = (Law)(uintptr_t)address;
+  self->joints = joints;
+  self->state = state;
+  self->doubles = 3 * joints + 2 * state;
+  for (int field = 0; field < FIELDS; field++) self->doubles += self->measured[field] = measured[field];
+  self->numbers = PyArray_DIM((PyArrayObject *)numbers, 0);
+  self->values = PyMem_Malloc((size_t)(self->numbers + 1) * sizeof(double));
+  if (self->values == NULL) {
+    Py_DECREF(self);
+    return PyErr_NoMemory();
+  }
+  read_vector(numbers, self->numbers, self->values);
+  Py_INCREF(self->fallback = fallback);
+  Py_INCREF(self->command = command);
+  Py_INCREF(self->owner = owner);
+  return (PyObject *)self;
+}
+
+static PyObject *counts(PyObject *object, void *unused) {
+  Caller *self = (Caller *)object;
+  (void)unused;
+  return Py_BuildValue("KK", self->steps, self->fallbacks);
+}
+
+static PyGetSetDef properties[] = {
+    {"counts", counts, NULL, "How many steps were asked for, and how many of them were left to the fallback.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
+static PyTypeObject caller_type = {
+    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "phcontrol.compilation._caller.Caller",
+    .tp_basicsize = sizeof(Caller),
+    .tp_flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_HAVE_GC | Py_TPFLAGS_HAVE_VECTORCALL,
+    .tp_vectorcall_offset = offsetof(Caller, call),
+    .tp_call = PyVectorcall_Call,
+    .tp_new = make,
+    .tp_dealloc = dealloc,
+    .tp_traverse = traverse,
+    .tp_clear = clear,
+    .tp_getset = properties,
+    .tp_doc = "Caller(address, joints, state, measured, numbers, fallback, command, owner)\n--\n\n"
+              "Call it with (t, q, v, state, measured); returns the command.",
+};
+
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_caller", "Calls compiled laws.", -1, NULL};
+
+PyMODINIT_FUNC PyInit__caller(void) {
+  import_array();
+  if (PyType_Ready(&caller_type) < 0) return NULL;
+  PyObject *module = PyModule_Create(&definition);
+  if (module == NULL) return NULL;
+  Py_INCREF(&caller_type);
+  if (PyModule_AddObject(module, "Caller", (PyObject *)&caller_type) < 0) {
+    Py_DECREF(&caller_type);
+    Py_DECREF(module);
+    return NULL;
+  }
+  return module;
+}

@@ -1,0 +1,130 @@
+"""Expressions as C."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import casadi
+
+from phcontrol.compilation.errors import NotTraceableError
+from phcontrol.compilation.trace import Trace, TracedLaw
+
+_INFIX = {"OP_ADD": "+", "OP_SUB": "-", "OP_MUL": "*", "OP_DIV": "/"}
+_COMPARE = {"OP_LT": "<", "OP_LE": "<=", "OP_EQ": "==", "OP_NE": "!=", "OP_AND": "&&", "OP_OR": "||"}
+_CALLS = {
+    "OP_EXP": "exp", "OP_LOG": "log", "OP_SQRT": "sqrt", "OP_SIN": "sin", "OP_COS": "cos", "OP_TAN": "tan",
+    "OP_ASIN": "asin", "OP_ACOS": "acos", "OP_ATAN": "atan", "OP_TANH": "tanh", "OP_FLOOR": "floor",
+    "OP_CEIL": "ceil", "OP_FABS": "fabs", "OP_FMOD": "fmod", "OP_ATAN2": "atan2", "OP_FMIN": "fmin",
+    "OP_FMAX": "fmax", "OP_POW": "pow", "OP_CONSTPOW": "pow", "OP_HYPOT": "hypot", "OP_COPYSIGN": "copysign",
+    "OP_LOG1P": "log1p", "OP_EXPM1": "expm1",
+}  # fmt: skip
+_UNARY = {
+    "OP_NEG": "-{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "{0} + {0}", "OP_INV": "{1} / {0}",
+    "OP_SIGN": "(real)(({0} > 0) - ({0} < 0))", "OP_NOT": "(real)!{0}",
+}  # fmt: skip
+_NAMES = (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO")
+_OPERATIONS = {getattr(casadi, name): name for name in _NAMES if hasattr(casadi, name)}
+_LARGEST_FLOAT = 3.4028234e38
+
+INPUTS = ("t", "q", "v", "s", "m", "p")
+"""What a function reads: time, q, q̇, the law's state, what is measured, its numbers."""
+
+
+class Function(NamedTuple):
+    """A function in C and what it costs."""
+
+    text: str
+    operations: int
+    """How many arithmetic operations it does at most."""
+
+
+def literal(value: float, single: bool) -> str:
+    """Return a number as C writes it."""
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "(-INFINITY)"
+    if single and abs(value) > _LARGEST_FLOAT:
+        value = math.copysign(_LARGEST_FLOAT, value)
+    text = repr(value)
+    if not any(mark in text for mark in ".en"):
+        text += ".0"
+    text += "f" if single else ""
+    return f"({text})" if value < 0 else text
+
+
+def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any], single: bool = False) -> Function:
+    """Return ``static int name(...)``: it fills ``out`` and returns 1, or 0 where a guard does not hold.
+
+    Guards come first, so that a way that is not the law's is left early. Every intermediate is a constant of its own:
+    no memory, no loop, no branch but the guards.
+    """
+    wanted = casadi.vertcat(casadi.SX(0, 1), *guards, *outputs)
+    made = casadi.Function("f", inputs, [casadi.cse(wanted)])
+    suffix, one = ("f" if single else ""), literal(1.0, single)
+    lines: list[str] = []
+    names: dict[int, str] = {}
+    count = operations = 0
+    for k in range(made.n_instructions()):
+        code = made.instruction_id(k)
+        if code == casadi.OP_OUTPUT:
+            place, value = made.instruction_output(k)[1], names[made.instruction_input(k)[0]]
+            if place < len(guards):
+                lines.append(f"if (!({value} != 0)) return 0;")
+            else:
+                lines.append(f"out[{place - len(guards)}] = {value};")
+            continue
+        target = made.instruction_output(k)[0]
+        if code == casadi.OP_CONST:
+            names[target] = literal(made.instruction_constant(k), single)
+            continue
+        if code == casadi.OP_INPUT:
+            which, place = made.instruction_input(k)
+            names[target] = "t" if which == 0 else f"{INPUTS[which]}[{place}]"
+            continue
+        operands = [names[index] for index in made.instruction_input(k)]
+        lines.append(f"const real a{count} = {_expression(code, operands, suffix, one)};")
+        names[target] = f"a{count}"
+        count, operations = count + 1, operations + 1
+    # what no output was written for is zero throughout
+    written = {line.partition("[")[2].partition("]")[0] for line in lines if line.startswith("out[")}
+    lines += [f"out[{k}] = {literal(0.0, single)};" for k in range(len(outputs)) if str(k) not in written]
+    body = "\n  ".join(lines)
+    arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
+    unused = " ".join(f"(void){name};" for name in INPUTS)
+    return Function(
+        f"static int {name}({arguments}) {{\n  {unused} (void)out;\n  {body}\n  return 1;\n}}\n", operations
+    )
+
+
+def _expression(code: int, operands: list[str], suffix: str, one: str) -> str:
+    name = _OPERATIONS.get(code)
+    if name in _INFIX:
+        return f" {_INFIX[name]} ".join(operands)
+    if name in _COMPARE:
+        return f"(real)({operands[0]} {_COMPARE[name]} {operands[1]})"
+    if name in _CALLS:
+        return f"{_CALLS[name]}{suffix}({', '.join(operands)})"
+    if name in _UNARY:
+        return _UNARY[name].format(operands[0], one)
+    if name == "OP_IF_ELSE_ZERO":
+        return f"{operands[0]} != 0 ? {operands[1]} : 0"
+    raise NotTraceableError(f"operation {code} of CasADi is not written as C")
+
+
+def variant(name: str, law: TracedLaw, trace: Trace, single: bool = False) -> Function:
+    """Return one way through a law as a function whose ``out`` is torque and state rate."""
+    return function(name, law.inputs, trace.guards, [*trace.torque, *trace.rate], single)
+
+
+def law_source(law: TracedLaw) -> str:
+    """Return a C file with ``int phcontrol_law(t, q, v, s, m, p, out)``: 1, or 0 where none of the traces is right."""
+    functions = [variant(f"way_{k}", law, trace) for k, trace in enumerate(law.traces)]
+    calls = " || ".join(f"way_{k}(t, q, v, s, m, p, out)" for k in range(len(functions)))
+    arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
+    texts = "\n".join(found.text for found in functions)
+    return (
+        "/* Made by phcontrol of a law's own file. */\n#include <math.h>\ntypedef double real;\n\n"
+        f"{texts}\nint phcontrol_law({arguments});\nint phcontrol_law({arguments}) {{ return {calls}; }}\n"
+    )

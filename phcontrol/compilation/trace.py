@@ -1,0 +1,165 @@
+"""A law written down as expressions: one trace for each way that its branches go."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from phcontrol._lazy import lazy
+from phcontrol._validation import Array
+from phcontrol.compilation.errors import CompilationError, NotTraceableError
+from phcontrol.compilation.law_inputs import law_numbers, with_inputs
+from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
+from phcontrol.compilation.traced_state import TracedState, traced_system
+from phcontrol.compilation.tracing import classes_of, refusal, tracing
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.sensors.measured import Measured
+
+VARIANTS = 6
+"""How many ways through a law's branches are compiled at most; others run interpreted."""
+
+
+class Instant(NamedTuple):
+    """What a law is asked about: a time, a state of the arm and its own, and what is measured."""
+
+    time: float
+    position: Array
+    velocity: Array
+    state: Array
+    measured: Measured
+
+
+class Layout(NamedTuple):
+    """Lengths of the inputs and outputs of a compiled function."""
+
+    joints: int
+    state: int
+    measured: tuple[tuple[str, int], ...]
+    """Names and lengths of what the law needs measured."""
+    numbers: int
+    """Gains, goals and tables."""
+
+    @property
+    def measured_size(self) -> int:
+        """Length of all that is measured."""
+        return sum(size for _, size in self.measured)
+
+
+class Trace(NamedTuple):
+    """One way through a law."""
+
+    guards: list[Any]
+    """Expressions that are all 1 where it is the law's way."""
+    torque: list[Any]
+    """Expressions, or floats."""
+    rate: list[Any]
+    """Of the law's own state, likewise."""
+
+
+class TracedLaw(NamedTuple):
+    """A law as expressions of t, q, q̇, its state, what is measured, and its numbers."""
+
+    layout: Layout
+    inputs: list[Any]
+    """(t, q, q̇, state, measured, numbers), vectors of ``casadi.SX``."""
+    traces: list[Trace]
+    numbers: Array
+    """The law's own, shape (m,)."""
+
+
+def layout_of(law: Controller, numbers: int) -> Layout:
+    """Return the lengths of a law's inputs."""
+    sizes = {"external_force": law.system.n, "total_force": law.system.n, "features": 3}
+    return Layout(law.system.n, law.state_size, tuple((name, sizes[name]) for name in law.needs), numbers)
+
+
+def trace_law(law: Controller, instants: list[Instant], *, inertias: bool = False) -> TracedLaw:
+    """Return a law as expressions, traced the way that it takes at each of some instants, at most ``VARIANTS`` ways.
+
+    With ``inertias`` the inertias of the arm are inputs too.
+
+    Raises NotTraceableError, naming the line, when it cannot be traced at any of them.
+    """
+    numbers = law_numbers(law, inertias)
+    layout = layout_of(law, numbers.size)
+    names = {"t": 1, "q": layout.joints, "v": layout.joints, "s": layout.state, "m": layout.measured_size}
+    inputs = [casadi.SX.sym(name, size) for name, size in (names | {"p": numbers.size}).items()]
+    traces: list[Trace] = []
+    covers: list[Any] = []
+    failure: CompilationError | None = None
+    for instant in instants:
+        values = values_of(layout, instant, numbers)
+        if any(_covers(cover, values) for cover in covers) or len(traces) == VARIANTS:
+            continue
+        try:
+            trace = _traced(law, layout, inputs, values, inertias)
+        except NotTraceableError as error:
+            failure = error
+            continue
+        traces.append(trace)
+        covers.append(casadi.Function("guards", inputs, [casadi.vertcat(casadi.SX(1), *trace.guards)]))
+    if not traces:
+        raise failure or CompilationError(f"{law.name} could not be evaluated at any state, and so not be traced")
+    return TracedLaw(layout, inputs, traces, numbers)
+
+
+def values_of(layout: Layout, instant: Instant, numbers: Array) -> list[Array]:
+    """Return the inputs of a compiled function at an instant."""
+    measured = [np.asarray(getattr(instant.measured, name)) for name, _ in layout.measured]
+    return [
+        np.array([instant.time]), instant.position, instant.velocity, instant.state,
+        np.concatenate([np.zeros(0), *measured]), numbers,
+    ]  # fmt: skip
+
+
+def _covers(guards: Any, values: list[Array]) -> bool:
+    return bool(np.array(guards(*values)).all())
+
+
+def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: bool) -> Trace:
+    guards = Guards()
+
+    def inputs_of(which: int) -> SymbolArray:
+        entries = casadi.vertsplit(inputs[which]) if inputs[which].numel() else []
+        return symbols(
+            [Symbol(entry, float(value), guards) for entry, value in zip(entries, values[which], strict=True)]
+        )
+
+    numbers, taken = inputs_of(5), 0
+
+    def make(found: list[float]) -> list[Any]:
+        nonlocal taken
+        taken += len(found)
+        return list(numbers[taken - len(found) : taken])
+
+    system = traced_system(law.system)
+    traced = with_inputs(law, system, make)
+    if inertias:
+        system.arm = system.arm.with_inertial_numbers(numbers[taken:])
+    position, velocity, state = inputs_of(1), inputs_of(2), inputs_of(3)
+    seen, start, shown = inputs_of(4), 0, {}
+    for name, size in layout.measured:
+        shown[name] = seen[start : start + size]
+        start += size
+    before = dict(vars(traced))
+    try:
+        with tracing(classes_of(law)):
+            x: MechanicalState = TracedState(system, position, velocity)
+            torque, rate = traced.evaluate(inputs_of(0)[0], x, state, Measured(**shown))
+    except Exception as error:  # whatever a law does that symbols cannot
+        raise refusal(law.name, error) from error
+    for name, value in vars(traced).items():
+        if before.get(name, before) is not value and not isinstance(getattr(type(traced), name, None), lazy):
+            raise NotTraceableError(
+                f"{law.name} cannot be compiled: it keeps '{name}' between calls, outside its state"
+            )
+    if len(torque) != layout.joints or len(rate) != layout.state:
+        raise NotTraceableError(f"{law.name} cannot be compiled: its command has lengths {len(torque)}, {len(rate)}")
+    return Trace(guards.expressions, _expressions(torque), _expressions(rate))
+
+
+def _expressions(values: Any) -> list[Any]:
+    return [value.expression if type(value) is Symbol else casadi.SX(float(value)) for value in values]

@@ -1,0 +1,105 @@
+"""The time during which modules of laws see the arithmetic of symbols."""
+
+from __future__ import annotations
+
+import functools
+import sys
+import threading
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+from phcontrol.compilation.arithmetic import FLOAT, STAND_INS, TRACING
+from phcontrol.compilation.errors import NotTraceableError
+
+_PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
+_OWN = "phcontrol."
+_LOCK = threading.RLock()
+_MISSING = object()
+
+
+def is_law_module(name: str) -> bool:
+    """Whether a module of phcontrol is one that laws are made of."""
+    return name.startswith(tuple(f"{_OWN}{place}." for place in _PLACES)) and not name.endswith("_lapack")
+
+
+@contextmanager
+def tracing(classes: Iterable[type]) -> Iterator[None]:
+    """Let the modules of phcontrol's laws, and of other classes, compute with symbols.
+
+    Their names for NumPy, ``math``, LAPACK and the kernels stand for :data:`STAND_INS` meanwhile, which do with plain
+    numbers what they always do. One trace at a time; laws that run meanwhile in other threads run right, and slower.
+    """
+    names = {name for name in sys.modules if is_law_module(name)} | {found.__module__ for found in classes}
+    modules = [sys.modules[name] for name in sorted(names) if isinstance(sys.modules.get(name), ModuleType)]
+    with _LOCK:
+        before: list[tuple[dict[str, Any], str, Any]] = []
+        try:
+            for module in modules:
+                space = vars(module)
+                for name, value in list(space.items()):
+                    stand_in = next((new for old, new in STAND_INS if old is value), None)
+                    if stand_in is not None:
+                        before.append((space, name, value))
+                        space[name] = stand_in
+                before.append((space, "float", space.get("float", _MISSING)))
+                space["float"] = FLOAT
+            TRACING.add(threading.get_ident())
+            yield
+        finally:
+            TRACING.discard(threading.get_ident())
+            for space, name, value in reversed(before):
+                if value is _MISSING:
+                    del space[name]
+                else:
+                    space[name] = value
+
+
+def refusal(law: str, error: BaseException) -> NotTraceableError:
+    """Return the error that says why a law cannot be traced, and at which line."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    lines = [line for _, line in traceback.walk_tb(error.__traceback__)]
+    place = ""
+    for frame, line in reversed(list(zip(frames, lines, strict=True))):
+        module = frame.f_globals.get("__name__", "")
+        if not module.startswith((f"{_OWN}compilation", "numpy", "scipy", "casadi")):
+            file = frame.f_code.co_filename.rpartition("/")[2]
+            place = f" ({file}:{line}, in {frame.f_code.co_name})"
+            break
+    text = str(error) or type(error).__name__
+    return NotTraceableError(f"{law} cannot be compiled: {text}{place}")
+
+
+def classes_of(*things: Any) -> set[type]:
+    """Return the classes, and those that they are made of, of objects and of what they hold."""
+    found: set[type] = set()
+    seen: set[int] = set()
+    waiting = list(things)
+    while waiting:
+        thing = waiting.pop()
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, (list, tuple, set)):
+            waiting.extend(thing)
+        elif isinstance(thing, dict):
+            waiting.extend(thing.values())
+        elif isinstance(thing, functools.partial):
+            waiting.extend([thing.args, thing.keywords])
+        elif holds_state(thing):
+            found |= {kind for kind in type(thing).__mro__ if kind is not object}
+            waiting.extend(vars(thing).values())
+    return {kind for kind in found if kind.__module__ not in ("abc", "typing", "builtins")}
+
+
+def holds_state(thing: Any) -> bool:
+    """Whether a thing is a part of a law: an object of Python with attributes, no module, class, model or system."""
+    from phcontrol.mechanics.robot import Robot
+    from phcontrol.mechanics.state import MechanicalState
+    from phcontrol.mechanics.system import MechanicalSystem
+
+    if isinstance(thing, (type, ModuleType, Robot, MechanicalState, MechanicalSystem)) or callable(thing):
+        return False
+    return hasattr(thing, "__dict__") and not type(thing).__module__.startswith(("numpy", "pinocchio", "builtins"))

@@ -1,0 +1,118 @@
+"""Code is loaded from the cache: what others may have put there is refused."""
+
+from __future__ import annotations
+
+import os
+import stat
+
+import pytest
+
+from phcontrol import CompilationError, CompilationWarning
+from phcontrol.compilation.cache import cache_folder, compiled, open_folder
+
+SOURCE = "int phcontrol_law(void);\nint phcontrol_law(void) { return 41; }\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    place = tmp_path / "cache"
+    monkeypatch.setenv("PHCONTROL_CACHE", str(place))
+    return place
+
+
+def mode(path):
+    return stat.S_IMODE(path.lstat().st_mode)
+
+
+def test_an_object_is_made_once_in_a_folder_of_ones_own(folder, compiler, monkeypatch):
+    first = compiled(SOURCE, compiler)
+    assert mode(folder) == 0o700
+    assert mode(first) == 0o600
+    assert sorted(path.suffix for path in folder.iterdir()) == [".sha256", ".so"]
+    monkeypatch.setattr(type(compiler), "compile", lambda *_: pytest.fail("compiled again"))
+    assert compiled(SOURCE, compiler) == first
+
+
+def test_another_source_and_other_options_are_other_objects(folder, compiler):
+    paths = {compiled(SOURCE, compiler), compiled(SOURCE + "\n", compiler), compiled(SOURCE, compiler, native=True)}
+    assert len(paths) == 3
+
+
+def spoil(path):
+    path.write_bytes(path.read_bytes()[:-1] + b"\x00\x01")
+
+
+def open_to_all(path):
+    path.chmod(0o666)
+
+
+def link(path):
+    elsewhere = path.parent.parent / "planted.so"
+    elsewhere.write_bytes(path.read_bytes())
+    path.unlink()
+    path.symlink_to(elsewhere)
+
+
+def without_digest(path):
+    path.with_suffix(".sha256").unlink()
+
+
+@pytest.mark.parametrize("harm", [spoil, open_to_all, link, without_digest])
+def test_a_corrupt_or_planted_object_is_refused_and_made_anew(harm, folder, compiler):
+    path = compiled(SOURCE, compiler)
+    before = path.read_bytes()
+    harm(path)
+    with pytest.warns(CompilationWarning, match="is refused and made anew"):
+        assert compiled(SOURCE, compiler) == path
+    assert not path.is_symlink()
+    assert mode(path) == 0o600
+    assert len(path.read_bytes()) == len(before)
+    assert compiled(SOURCE, compiler) == path
+
+
+def test_a_folder_that_others_may_use_is_refused(folder):
+    folder.mkdir(mode=0o700)
+    folder.chmod(0o755)
+    with pytest.raises(CompilationError, match=r"is refused: others may use it \(mode 0755, should be 0700\)"):
+        open_folder(folder)
+
+
+def test_a_folder_below_one_that_everybody_may_write_to_is_refused(tmp_path):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    with pytest.raises(CompilationError, match="everybody may write to"):
+        open_folder(shared / "cache")
+
+
+def test_a_link_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "real").mkdir(mode=0o700)
+    (tmp_path / "cache").symlink_to(tmp_path / "real")
+    with pytest.raises(CompilationError, match="symbolic link"):
+        open_folder(tmp_path / "cache")
+
+
+def test_somebody_elses_folder_is_refused(folder, monkeypatch):
+    folder.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    with pytest.raises(CompilationError, match="it belongs to user"):
+        open_folder(folder)
+
+
+def test_a_full_disk_gives_one_line(folder, compiler, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(CompilationError, match=r"cannot be written to: No space left on device$"):
+        compiled(SOURCE, compiler)
+    monkeypatch.undo()
+    assert not folder.exists() or list(folder.iterdir()) == []
+
+
+def test_the_folder_is_the_users(monkeypatch):
+    monkeypatch.delenv("PHCONTROL_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert str(cache_folder()) in ("/somewhere/phcontrol/compiled",)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # the standard says: ignored
+    assert cache_folder().is_absolute()

@@ -1,0 +1,131 @@
+"""An exported law is built and run by itself, from an empty folder."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from typer.testing import CliRunner
+
+from phcontrol import make_controller
+from phcontrol.cli import app
+from phcontrol.compilation.export import export_law
+from tests.conftest import make_system
+
+STRICT = ["-Wall", "-Wextra", "-Werror"]
+SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+
+def build(folder, compiler, *options, program="replay"):
+    command = [*compiler, *STRICT, *options, "law.c", "main.c", "-o", program, "-lm"]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return folder / program
+
+
+def run(program):
+    return subprocess.run([str(program)], capture_output=True, text=True, check=False)
+
+
+def check(folder, compiler, tolerance):
+    """Build as C99 with sanitizers and as C++, and replay the recorded cases both ways."""
+    for program in (
+        build(folder, [compiler.path], "-O1", "-std=c99", *SANITIZED),
+        build(folder, [compiler.path, "-x", "c++"], "-O1", "-std=c++11", program="replay_cpp"),
+    ):
+        result = run(program)
+        assert result.returncode == 0, result.stdout + result.stderr
+        (difference,) = re.findall(r"24 cases, largest relative difference ([\d.e+-]+)", result.stdout)
+        assert float(difference) <= tolerance
+
+
+@pytest.mark.parametrize(("name", "single"), [("force_feedback_measured", False), ("energy_shaping", True)])
+def test_a_law_of_two_joints(name, single, shoulder, compiler, tmp_path):
+    exported = export_law(make_controller(name, shoulder), tmp_path / "law", single=single)
+    assert exported.difference <= 1e-12
+    assert sorted(path.name for path in exported.files) == ["CMakeLists.txt", "README.md", "law.c", "law.h", "main.c"]
+    source = (tmp_path / "law" / "law.c").read_text()
+    assert not re.search(r"\b(malloc|calloc|free|double)\b" if single else r"\b(malloc|calloc|free|float)\b",
+                         source.replace("(double)dt", "").replace("const double now", ""))  # fmt: skip
+    check(tmp_path / "law", compiler, 1e-4 if single else 1e-12)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", ["force_feedback", "tracking", "hamiltonian_servo"])
+@pytest.mark.parametrize("single", [False, True])
+def test_laws_of_the_panda_by_the_command_and_cmake(name, single, compiler, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    locked = ["--lock", "panda_finger_joint1", "--lock", "panda_finger_joint2"]
+    arguments = ["export", "--controller", name, "--robot", "panda", *locked, "--out", "law"]
+    result = CliRunner().invoke(app, arguments + (["--float"] if single else []))
+    assert result.exit_code == 0, result.output
+    check(tmp_path / "law", compiler, 1e-4 if single else 1e-12)
+    if shutil.which("cmake") is None:
+        pytest.skip("no cmake")
+    for command in (["cmake", "-B", "build"], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
+        done = subprocess.run(command, cwd=tmp_path / "law", capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_replay_finds_a_law_that_is_wrong_by_one_part_in_a_million(shoulder, compiler, tmp_path):
+    export_law(make_controller("energy_shaping", shoulder), tmp_path / "law")
+    source = tmp_path / "law" / "law.c"
+    text = source.read_text()
+    spoiled = text.replace("torque[i] = out[i];", "torque[i] = out[i] * 1.000001;")
+    assert spoiled != text
+    source.write_text(spoiled)
+    assert run(build(tmp_path / "law", [compiler.path], "-std=c99")).returncode == 1
+
+
+def test_a_branch_that_is_not_compiled_stops_the_arm(compiler, tmp_path):
+    """An object behind the camera: the status says so, gravity is compensated, and motion damped."""
+    system = make_system("pera_shoulder_elbow")
+    export_law(make_controller("hamiltonian_servo", system), tmp_path / "law")
+    (tmp_path / "law" / "main.c").write_text(
+        """
+#include "law.h"
+#include <math.h>
+#include <stdio.h>
+int main(void) {
+  law_state self;
+  law_real q[LAW_JOINTS] = {0}, v[LAW_JOINTS] = {0}, seen[3] = {0, 0, (law_real)-0.002};
+  law_real torque[LAW_JOINTS], moving[LAW_JOINTS], gravity[LAW_JOINTS];
+  q[0] = 0.3; q[1] = 0.5; q[2] = 1.0;
+  law_init(&self);
+  if (law_step(&self, q, v, seen, 0.001, torque) != LAW_STOPPED) return 1;
+  law_gravity(q, gravity);
+  for (int i = 0; i < LAW_JOINTS; i++)
+    if (fabs(torque[i] - gravity[i]) > 1e-12) return 2;
+  for (int k = 0; k < LAW_JOINTS; k++) v[k] = 0.1 * (k + 1);
+  if (law_step(&self, q, v, seen, 0.001, moving) != LAW_STOPPED) return 3;
+  double power = 0.0;
+  for (int i = 0; i < LAW_JOINTS; i++) power += v[i] * (moving[i] - gravity[i]);
+  return power < 0.0 ? 0 : 4;
+}
+"""
+    )
+    assert run(build(tmp_path / "law", [compiler.path], "-std=c99", *SANITIZED)).returncode == 0
+
+
+def test_the_command_says_what_it_refuses(tmp_path):
+    result = CliRunner().invoke(app, ["export", "--controller", "energy_shapping", "--out", str(tmp_path / "law")])
+    assert result.exit_code == 2
+    assert "Did you mean 'energy_shaping'?" in result.stderr
+    assert not (tmp_path / "law").exists()
+
+
+def test_the_doctor_says_what_is_there_and_what_is_missing(monkeypatch, tmp_path):
+    monkeypatch.setenv("PHCONTROL_CACHE", str(tmp_path / "cache"))
+    result = CliRunner().invoke(app, ["doctor"])
+    assert result.exit_code == 0
+    assert re.search(r"^C compiler +\S+: \S", result.stdout, re.MULTILINE)
+    assert f"{tmp_path / 'cache'}: empty" in result.stdout
+    monkeypatch.setenv("CC", "no-such-compiler")
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o777)
+    result = CliRunner().invoke(app, ["doctor"])
+    assert result.exit_code == 0
+    assert "missing: a C compiler" in result.stdout
+    assert "refused, others may use it" in result.stdout
