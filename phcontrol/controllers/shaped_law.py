@@ -12,7 +12,7 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.controllers.aim import Aim, LedAim
 from phcontrol.controllers.controller import Controller
-from phcontrol.controllers.parameters import Gain, Parameter
+from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose
@@ -50,10 +50,8 @@ class ShapedLaw(Controller):
 
     Args:
         reference: along what, by default a goal at rest.
-        damping: C, by which −C Gᵀv̂ damps, positive definite [N·m·s/rad].
     """
 
-    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     reference: Parameter[AnyReference | None, AnyReference | None] = Parameter(default=None, check=_reference)
 
     def prepare(self) -> None:
@@ -91,11 +89,6 @@ class ShapedLaw(Controller):
             if np.abs(rate - expected).max(initial=0.0) > 1e-5 * (1.0 + np.abs(expected).max(initial=0.0)):
                 message = f"leaves a part of the potential behind: {self.potential!r} must move with it as a whole"
                 raise InvalidArgumentError("reference", message)
-
-    @property
-    def injected_damping(self) -> Array | None:
-        """C, shape (n, n) [N·m·s/rad]."""
-        return self.damping
 
     @abstractmethod
     def shaped(self) -> Potential:

@@ -18,7 +18,7 @@ from phcontrol.analysis.state_sampler import StateSampler
 from phcontrol.controllers import controller as base
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.runs.compositions import compositions
-from phcontrol.trajectories.resolved_motion import LENGTH, SINGULAR_REGION, frame_damping
+from phcontrol.mechanics.singular_damping import LENGTH, SINGULAR_REGION, frame_damping
 from tests.conftest import make_system
 
 STEPS = (1e-3, 2e-4, 5e-5)
