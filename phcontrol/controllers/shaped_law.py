@@ -151,6 +151,11 @@ class ShapedLaw(Controller):
         return posture if np.abs(self.potential.gradient(x)).max() <= 1e-9 * np.abs(beside).max() else None
 
     @property
+    def start_posture(self) -> Array:
+        """From which the postures are looked for where the law rests [rad]: the arm's home."""
+        return self.system.robot.home
+
+    @property
     def _least_at_rest(self) -> Potential:
         """What is smallest where the law rests: Ψ."""
         return self.potential
@@ -175,7 +180,7 @@ class ShapedLaw(Controller):
     @lazy
     def _minima(self) -> list[Array]:
         """Postures at which Ψ is smallest, at times spread over the reference, each from the one before."""
-        system, found = self.system, [self.system.robot.home]
+        system, found = self.system, [self.start_posture]
         for share in np.linspace(0.0, 1.0, 1 if self._path is None else _MINIMA):
             goal = None if self._path is None else _pose(self._path.at(share * self.time_span))
             found.append(self._least_at_rest.minimum_near(system, found[-1], goal))
