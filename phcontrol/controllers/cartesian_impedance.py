@@ -18,7 +18,6 @@ from phcontrol.controllers.parameters import Parameter
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose, check_pose
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.potentials.frame_potential import FramePotential
 
 _AT_GOAL = 1e-6  # how near counts as there [m, rad]
 _STARTS = 8  # postures from which a goal that is not found is looked for again
@@ -93,15 +92,14 @@ class CartesianImpedance(CartesianLaw):
         super().prepare()
         if self.goal is not None and self._off.distance + self._off.angle > _AT_GOAL:
             off = f"{self._off.distance:.3g} m" + (f" and {self._off.angle:.3g} rad" if self._rows == 6 else "")
-            message = f"the goal of '{self.frame}' is out of reach, by {off}: the hand goes as near as its spring lets it"
+            message = (
+                f"the goal of '{self.frame}' is out of reach, by {off}: the hand goes as near as its spring lets it"
+            )
             warnings.warn(message, stacklevel=4)
 
     def pose_at(self, t: float) -> Pose:
         """Return the goal, or the pose on the path at time t [s]."""
-        if self.goal is not None:
-            return self.goal
-        desired = self.reference.at(t)
-        return Pose(desired.position, np.eye(3) if desired.rotation is None else desired.rotation)
+        return super().pose_at(t) if self.goal is None else self.goal
 
     @property
     def out_of_reach(self) -> Deviation:
@@ -118,7 +116,7 @@ class CartesianImpedance(CartesianLaw):
         """The nearest that was found, from the preferred posture and then from others."""
         assert self.goal is not None
         robot, generator = self.system.robot, np.random.default_rng(0)
-        spring, found = self._bare_spring(), Deviation(np.inf, np.inf)
+        spring, found = self.spring(None), Deviation(np.inf, np.inf)
         for attempt in range(1 + _STARTS):
             start = self.start_posture if attempt == 0 else robot.random_position(generator)
             off = self._deviation(spring.minimum_near(self.system, start))
@@ -126,13 +124,6 @@ class CartesianImpedance(CartesianLaw):
             if sum(found) <= _AT_GOAL:
                 break
         return found
-
-    def _bare_spring(self) -> FramePotential:
-        """Return the spring without wrench and posture."""
-        turning, K_r = None, self.rotational_stiffness
-        if K_r is not None:
-            turning = K_r - 0.5 * np.trace(K_r) * np.eye(3)
-        return FramePotential(self.frame, self.pose_at(0.0), stiffness=self._linear, turning=turning)
 
     def _deviation(self, posture: Array) -> Deviation:
         goal, hand = self.pose_at(0.0), self.system.at(posture).placement(self.frame)

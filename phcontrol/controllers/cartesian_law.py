@@ -15,10 +15,11 @@ from phcontrol import _validation
 from phcontrol._validation import Array, choice, finite_array, positive
 from phcontrol.controllers.damped_law import DampedLaw
 from phcontrol.controllers.parameters import Gain, NonNegative, Parameter, Vector
+from phcontrol.controllers.shaped_law import pose_of
 from phcontrol.controllers.tanked_law import TankedLaw
 from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics.pose import Pose, check_pose
+from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.frame_potential import FramePotential, skew
@@ -28,6 +29,7 @@ from phcontrol.tanks.action import Action
 from phcontrol.tanks.posture_action import PostureAction
 from phcontrol.tanks.stiffness import Stiffness
 from phcontrol.tanks.stiffness_action import StiffnessAction
+from phcontrol.trajectories.frame_path import FramePath
 
 BANDWIDTH = 10.0
 """Of the hand under default stiffness [rad/s]."""
@@ -111,14 +113,18 @@ class CartesianLaw(TankedLaw, DampedLaw):
     )
 
     def pose_at(self, t: float) -> Pose:
-        """Return where the hand should be at time t [s]."""
-        raise NotImplementedError
+        """Return where the hand should be at time t [s]: on the path."""
+        if not isinstance(self.reference, FramePath):
+            kind = type(self.reference).__name__
+            raise InvalidArgumentError("reference", f"must be the path of a frame, but is {kind}")
+        return pose_of(self.reference.at(t))
 
     def prepare(self) -> None:
         """Resolve the frame, the square root of the stiffness and the damping."""
         if self.frame is None:
             self.frame = self.system.hand_frame
-        turns = self.rotational_stiffness is not None
+        K_r = self.rotational_stiffness
+        turns = K_r is not None
         self._rows = 6 if turns else 3
         if turns and self.system.n < 6:
             message = f"needs 6 joints, and {self.system.robot.name} has {self.system.n}: leave the orientation free"
@@ -131,7 +137,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
             raise InvalidArgumentError("variation", "changes a rotational stiffness, and the law has none")
         turn = self.pose_at(0.0).rotation
         self._linear = self.translational_stiffness if self.axes == "world" else self._in_goal_axes(turn)
-        self._roots = _root(self._linear), _root(self.rotational_stiffness) if turns else np.zeros((3, 3))
+        self._roots = _root(self._linear), np.zeros((3, 3)) if K_r is None else _root(K_r)
         self._given_damping: Array | None = None
         if self.task_damping is not None:
             self._given_damping = _validation.gain("task_damping", self.task_damping, self._rows)
@@ -140,11 +146,22 @@ class CartesianLaw(TankedLaw, DampedLaw):
     def _in_goal_axes(self, turn: Array) -> Array:
         if self.reference is not None:
             raise InvalidArgumentError("axes", "'tool' goes with a goal at rest: along a path give K_t in 'world' axes")
-        return turn @ self.translational_stiffness @ turn.T
+        stiffness: Array = turn @ self.translational_stiffness @ turn.T
+        return stiffness
 
     def shaped(self) -> Potential:
         """Return the spring on the frame with the wrench, and with posture="spring" one on the joints."""
-        goal, wrench = self.pose_at(0.0), self.wrench
+        self.hand_spring = self.spring(self.wrench)
+        """The part of Ψ that is on the hand."""
+        if self.posture != "spring":
+            return self.hand_spring
+        if self.reference is not None:
+            raise InvalidArgumentError("posture", "'spring' would be left behind by a path: use posture='tank'")
+        return self.hand_spring + JointSpring(self.preferred_posture, self.posture_stiffness)
+
+    def spring(self, wrench: Array | None) -> FramePotential:
+        """Return the spring on the hand with a wrench that the hand exerts beside it, shape (6,) [N, N·m]."""
+        goal = self.pose_at(0.0)
         turning, K_r = None, self.rotational_stiffness
         if K_r is not None:
             turning = K_r - 0.5 * np.trace(K_r) * np.eye(3)  # −G
@@ -155,12 +172,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
                 turning = turning - 0.5 * skew(goal.rotation.T @ wrench[3:])
             elif wrench[3:].any():
                 raise InvalidArgumentError("wrench", "has a torque, which needs a rotational_stiffness to turn against")
-        spring = FramePotential(self.frame, goal, stiffness=self._linear, force=force, turning=turning)
-        if self.posture != "spring":
-            return spring
-        if self.reference is not None:
-            raise InvalidArgumentError("posture", "'spring' would be left behind by a path: use posture='tank'")
-        return spring + JointSpring(self.preferred_posture, self.posture_stiffness)
+        return FramePotential(self.frame, goal, stiffness=self._linear, force=force, turning=turning)
 
     @property
     def start_posture(self) -> Array:
@@ -198,8 +210,6 @@ class CartesianLaw(TankedLaw, DampedLaw):
         task = x.task_space(self.frame, self._rows)
         twist = task.jacobian.dot(velocity)
         wrench = self.task_damping_matrix(x).dot(twist)
-        if not self.nullspace_damping:
-            return wrench.dot(task.jacobian)  # type: ignore[no-any-return]
         wrench -= self.nullspace_damping * task.solve_mobility(twist)
         force: Array = wrench.dot(task.jacobian)
         force += self.nullspace_damping * x.mass_matrix.dot(velocity)
@@ -209,20 +219,15 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""
         task = x.task_space(self.frame, self._rows)
         damping: Array = task.jacobian.T @ self.task_damping_matrix(x) @ task.jacobian
-        return damping + self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
+        damping += self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
+        return damping
 
     def wrench_at(self, t: float, x: MechanicalState) -> Array:
         """Return the wrench that the law's spring and damper exert by the hand, shape (6,), world axes [N, N·m]."""
-        aim, total = self.aim(t, x), np.zeros(6)
-        spring = self._spring_on_frame()
-        twist = x.task_space(self.frame, self._rows).jacobian.dot(aim.velocity)
-        total -= spring.wrench(x.frame_kinematics(self.frame), self.pose_at(t))
+        twist = x.task_space(self.frame, self._rows).jacobian.dot(self.aim(t, x).velocity)
+        total: Array = -self.hand_spring.wrench(x.frame_kinematics(self.frame), self.pose_at(t))
         total[: self._rows] -= self.task_damping_matrix(x).dot(twist)
         return total
-
-    def _spring_on_frame(self) -> FramePotential:
-        terms = getattr(self.potential, "potentials", (self.potential,))
-        return next(term for term in terms if isinstance(term, FramePotential))
 
     # --- gains that suit an arm -------------------------------------------------------------------------
 

@@ -12,7 +12,6 @@ from phcontrol._validation import Array
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.trajectories.figure_of_eight import FigureOfEight
 from phcontrol.trajectories.frame_path import FramePath, check_frame_path
@@ -54,11 +53,6 @@ class CartesianTracking(CartesianLaw):
             raise InvalidArgumentError("rotational_stiffness", "must be None: the path leaves the orientation free")
         self.frame, self.reference = self.path.frame, self.path
         super().prepare()
-
-    def pose_at(self, t: float) -> Pose:
-        """Return the pose on the path at time t [s]."""
-        desired = self.path.at(t)
-        return Pose(desired.position, np.eye(3) if desired.rotation is None else desired.rotation)
 
     @classmethod
     def default_gains(

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, matrix
 from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.joint_damped_law import JointDampedLaw
 from phcontrol.controllers.parameters import Gain, Parameter
 from phcontrol.controllers.passive_port import PassivePort
-from phcontrol.controllers.joint_damped_law import JointDampedLaw
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Part, Target
 from phcontrol.exceptions import InvalidArgumentError

@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 from phcontrol._validation import Array
-from phcontrol.controllers.parameters import Gain, Parameter, Vector
 from phcontrol.controllers.joint_damped_law import JointDampedLaw
+from phcontrol.controllers.parameters import Gain, Parameter, Vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.joint_spring import JointSpring

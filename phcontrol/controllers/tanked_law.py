@@ -60,7 +60,9 @@ class TankedLaw(Controller):
         tank: its bounds and its level at the start.
     """
 
-    actions: Parameter[Action | Sequence[Action], tuple[Action, ...]] = Parameter("a", "N·m", default=(), check=_actions)
+    actions: Parameter[Action | Sequence[Action], tuple[Action, ...]] = Parameter(
+        "a", "N·m", default=(), check=_actions
+    )
     tank: Parameter[EnergyTank, EnergyTank] = Parameter("x_t", "√J", default=EnergyTank(), check=_tank)
 
     @lazy
@@ -123,9 +125,7 @@ class TankedLaw(Controller):
             return super().shape(t, x, state, measured)
         law, port = super().shape(t, x, state[:-1], measured), super().passive_port(t, x, state[:-1], measured)
         torque, flow, _ = self._flow(t, x, port, state)
-        return law._replace(
-            effort=law.effort + flow.opening * torque, state_rate=np.append(law.state_rate, flow.rate)
-        )
+        return law._replace(effort=law.effort + flow.opening * torque, state_rate=np.append(law.state_rate, flow.rate))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return the law's port, less what the tank keeps of its damping, and with what it loses."""

@@ -72,7 +72,9 @@ class TaskSpace:
     def projector(self) -> Array:
         """P = 1 − W B⁻¹Wᵀ, shape (n, n)."""
         projector: Array = np.eye(len(self.reduced)) - self.reduced @ self.solve_mobility(self.reduced.T)
-        return 0.5 * (projector + projector.T)
+        projector += projector.T
+        projector *= 0.5
+        return projector
 
     @property
     def manipulability(self) -> float:

@@ -39,10 +39,10 @@ class EnergyTank:
         ẋ_t = (−ω aᵀv̂ + σ v̂ᵀΔv̂ − lost)/x_t
 
     ω closes towards the lower bound, over ``ramp``, and so far that no more than ``largest_power`` flows out; σ closes
-    towards the upper one, where what an action takes out of the arm is let off too. A little leaks, down to the lower bound, so that what is not
-    used is forgotten in the end. So the level stays between the
-    bounds: in continuous time exactly, and with torques that are held for a period h as long as
-    h·largest_power ≤ 0.88·ramp. Below the lower bound (a state that no run reaches) the tank fills, and gives nothing.
+    towards the upper one, where what an action takes out of the arm is let off too. A little leaks, down to the lower
+    bound, so that what is not used is forgotten in the end. So the level stays between the bounds: in continuous time
+    exactly, and with torques that are held for a period h as long as h·largest_power ≤ 0.88·ramp. Below the lower bound
+    (a state that no run reaches) the tank fills, and gives nothing.
 
     As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
     "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters
