@@ -6,6 +6,8 @@ from phcontrol.analysis.certify import certify
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.controllers.cartesian_impedance import CartesianImpedance
+from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
@@ -32,6 +34,7 @@ from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller, register
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.tanked_law import TankedLaw, with_tank
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
@@ -88,6 +91,11 @@ from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
+from phcontrol.tanks.action import Action
+from phcontrol.tanks.energy_tank import EnergyTank
+from phcontrol.tanks.external_action import ExternalAction
+from phcontrol.tanks.posture_action import PostureAction
+from phcontrol.tanks.stiffness import Stiffness
 from phcontrol.trajectories.figure_of_eight import FigureOfEight
 from phcontrol.trajectories.files import read_frame_path
 from phcontrol.trajectories.frame_arc import FrameArc
@@ -120,10 +128,13 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "Action",
     "ArmDriver",
     "Body",
     "CameraSensor",
     "CanonicalCheck",
+    "CartesianImpedance",
+    "CartesianTracking",
     "Certificate",
     "ClassicalImpedance",
     "Command",
@@ -136,7 +147,9 @@ __all__ = [
     "DeclaredFriction",
     "Disturbance",
     "EnergyShaping",
+    "EnergyTank",
     "Equilibrium",
+    "ExternalAction",
     "FeatureFlow",
     "FigureOfEight",
     "FilterStatus",
@@ -193,6 +206,7 @@ __all__ = [
     "Positive",
     "PositiveVector",
     "Posture",
+    "PostureAction",
     "Potential",
     "PowerBalance",
     "Pulse",
@@ -221,8 +235,10 @@ __all__ = [
     "SlowedPath",
     "SphereContact",
     "Step",
+    "Stiffness",
     "StorageCondition",
     "StribeckFriction",
+    "TankedLaw",
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
@@ -256,5 +272,6 @@ __all__ = [
     "register",
     "resolved_motion",
     "simulate",
+    "with_tank",
     "within_limits",
 ]
