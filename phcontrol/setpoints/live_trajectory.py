@@ -51,7 +51,7 @@ class LiveTrajectory(LiveMotion[Array]):
         acceleration: float | None = None,
         jerk: float | None = None,
     ) -> None:
-        self.n, self._robot = robot.n, robot
+        self.n, self.robot = robot.n, robot
         speed = number("fraction", fraction, minimum=0.0, exclusive=True) * usual_speed(robot)
         start = vector("origin", robot.home if origin is None else origin, robot.n)
         super().__init__(start)
@@ -68,7 +68,7 @@ class LiveTrajectory(LiveMotion[Array]):
 
     def checked(self, goal: Any) -> Array:
         """Return a goal as a posture. Raises InvalidArgumentError for none, and beyond joint limits."""
-        posture, robot = vector("goal", goal, self.n), self._robot
+        posture, robot = vector("goal", goal, self.n), self.robot
         beyond = np.maximum(robot.lower - posture, posture - robot.upper)
         worst = int(np.argmax(beyond))
         if beyond[worst] > 0.0:
@@ -78,4 +78,4 @@ class LiveTrajectory(LiveMotion[Array]):
 
     def _redirect(self, t: float, goal: Array) -> None:
         now = self._course.at(t)
-        self._course.redirect(t, *now[1:], now.position + self._robot.difference(goal, now.position))
+        self._course.redirect(t, *now[1:], now.position + self.robot.difference(goal, now.position))

@@ -28,6 +28,7 @@ class LiveValue(LiveMotion[Array]):
     Args:
         origin: numbers at first; every change has their shape.
         rate: how fast each may change, in its unit over a second.
+        unit: of the numbers, as a page shows it.
         check: called with what is asked for; raises InvalidArgumentError for what must not be.
 
     Raises:
@@ -42,9 +43,11 @@ class LiveValue(LiveMotion[Array]):
         array([800., 500., 200.])
     """
 
-    def __init__(self, origin: ArrayLike, *, rate: float, check: Callable[[Array], object] | None = None) -> None:
+    def __init__(
+        self, origin: ArrayLike, *, rate: float, unit: str = "", check: Callable[[Array], object] | None = None
+    ) -> None:
         start = finite_array("origin", origin)
-        self._check = check
+        self.unit, self._check = unit, check
         if check is not None:
             check(start)
         self._rate = positive("rate", rate)

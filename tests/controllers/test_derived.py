@@ -17,7 +17,6 @@ from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.state_sampler import StateSampler
 from phcontrol.controllers import controller as base
 from phcontrol.controllers.registry import CONTROLLERS
-from phcontrol.mechanics.singular_damping import LENGTH, SINGULAR_REGION, frame_damping
 from phcontrol.runs.compositions import compositions
 from tests.conftest import make_system
 
