@@ -86,6 +86,10 @@ from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.setpoints.live_frame_path import LiveFramePath
+from phcontrol.setpoints.live_trajectory import LiveTrajectory
+from phcontrol.setpoints.live_value import LiveValue
+from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
@@ -181,6 +185,9 @@ __all__ = [
     "LawError",
     "LimitReport",
     "Limits",
+    "LiveFramePath",
+    "LiveTrajectory",
+    "LiveValue",
     "LiveView",
     "Log",
     "LoopMode",
@@ -225,6 +232,7 @@ __all__ = [
     "SampledFramePath",
     "SampledTrajectory",
     "Schedule",
+    "Setpoint",
     "Shaping",
     "SimulatedArm",
     "SimulationError",
