@@ -9,6 +9,8 @@ from phcontrol.analysis.force_conditions import ForceConditions, force_control_c
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
+from phcontrol.controllers.cartesian_impedance import CartesianImpedance
+from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
@@ -35,6 +37,7 @@ from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller, register
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.tanked_law import TankedLaw, with_tank
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
@@ -92,11 +95,20 @@ from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.setpoints.live_frame_path import LiveFramePath
+from phcontrol.setpoints.live_trajectory import LiveTrajectory
+from phcontrol.setpoints.live_value import LiveValue
+from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
+from phcontrol.tanks.action import Action
+from phcontrol.tanks.energy_tank import EnergyTank
+from phcontrol.tanks.external_action import ExternalAction
+from phcontrol.tanks.posture_action import PostureAction
+from phcontrol.tanks.stiffness import Stiffness
 from phcontrol.trajectories.figure_of_eight import FigureOfEight
 from phcontrol.trajectories.files import read_frame_path
 from phcontrol.trajectories.frame_arc import FrameArc
@@ -129,11 +141,14 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "Action",
     "ArmDriver",
     "Body",
     "CameraSensor",
     "CanonicalCheck",
     "CasimirCheck",
+    "CartesianImpedance",
+    "CartesianTracking",
     "Certificate",
     "ClassicalImpedance",
     "Command",
@@ -148,7 +163,9 @@ __all__ = [
     "DeclaredFriction",
     "Disturbance",
     "EnergyShaping",
+    "EnergyTank",
     "Equilibrium",
+    "ExternalAction",
     "FeatureFlow",
     "FigureOfEight",
     "FilterStatus",
@@ -180,6 +197,9 @@ __all__ = [
     "LawError",
     "LimitReport",
     "Limits",
+    "LiveFramePath",
+    "LiveTrajectory",
+    "LiveValue",
     "LiveView",
     "Log",
     "LoopMode",
@@ -207,6 +227,7 @@ __all__ = [
     "Positive",
     "PositiveVector",
     "Posture",
+    "PostureAction",
     "Potential",
     "PowerBalance",
     "Pulse",
@@ -225,6 +246,7 @@ __all__ = [
     "SampledFramePath",
     "SampledTrajectory",
     "Schedule",
+    "Setpoint",
     "Shaping",
     "SimulatedArm",
     "SimulationError",
@@ -235,8 +257,10 @@ __all__ = [
     "SlowedPath",
     "SphereContact",
     "Step",
+    "Stiffness",
     "StorageCondition",
     "StribeckFriction",
+    "TankedLaw",
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
@@ -275,5 +299,6 @@ __all__ = [
     "resolved_motion",
     "simulate",
     "transformed_system",
+    "with_tank",
     "within_limits",
 ]

@@ -51,6 +51,7 @@ DEMANDED = {
     "potentials.potential": {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
     },
+    "setpoints.live_motion": {"LiveMotion": {"_redirect", "checked", "duration"}},
     "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},
     "environments.disturbances": {"Disturbance": {"__call__"}, "_Shaped": {"__call__"}},
 }

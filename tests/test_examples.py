@@ -43,6 +43,14 @@ def test_track_on_ur5(tmp_path, monkeypatch):
     assert it["errors"][-1] < 1e-5
 
 
+def test_drag_goal(tmp_path, monkeypatch):
+    it = run("drag_goal.py", tmp_path, monkeypatch)
+    assert it["error"] < 1e-4
+    assert it["goal"].has_arrived
+    np.testing.assert_allclose(it["stiffness"](4.0), [1500.0, 600.0, 200.0])
+    assert np.diff(it["log"].storage).max() < 1e-4
+
+
 def test_own_controller(tmp_path, monkeypatch):
     it = run("own_controller.py", tmp_path, monkeypatch)
     assert it["certificate"].passed

@@ -47,6 +47,10 @@ class ClassicalImpedance(RegulatedLaw):
         felt = self.compensate_external_force or self.regulation is not None
         return ("external_force",) if felt else ()
 
+    def joint_damping(self, x: MechanicalState) -> Array:
+        """Return K_d, which acts on the joints themselves."""
+        return self.damping
+
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State s = −q̇_ref, the effort D v_e − ∂Ψ/∂q − K_d v_e, and what is cancelled."""
         aim = self.aim_at_virtual_position(t, x, state)

@@ -313,6 +313,17 @@ class Controller(Declared, ABC):
         """C, shape (n, n) [N·m·s/rad], of a law whose injected damping is −C ŷ; None of others."""
         return None
 
+    def joint_damping(self, x: MechanicalState) -> Array | None:
+        """Return what the law injects as a damping of the joints, G C Gᵀ, shape (n, n); None where it has no such form.
+
+        Power v̂ᵀG C Gᵀv̂ is what an energy tank is filled from.
+        """
+        return None
+
+    def tank_level(self, state: Array) -> float | None:
+        """Return the energy in the law's tank [J]; None for a law without one."""
+        return None
+
     def conditions(self, x: MechanicalState, measured: Measured = NOTHING) -> dict[str, float]:
         """Return what the law's claim rests on beside its target, by name: each must be positive at this state."""
         return {}

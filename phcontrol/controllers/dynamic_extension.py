@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, matrix
 from phcontrol.controllers.aim import Aim
+from phcontrol.controllers.joint_damped_law import JointDampedLaw
 from phcontrol.controllers.parameters import Gain, Parameter
 from phcontrol.controllers.passive_port import PassivePort
-from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Part, Target
 from phcontrol.exceptions import InvalidArgumentError
@@ -28,7 +28,7 @@ def invertible(name: str, value: ArrayLike, system: MechanicalSystem) -> Array:
     return checked
 
 
-class DynamicExtension(ShapedLaw):
+class DynamicExtension(JointDampedLaw):
     """Laws with p̂ = p̄_e − A z, ż = Yᵀf̄, Y = A K_z, about a potential Ψ that the law shapes.
 
         f̄ = −T⁻¹∂Ψ/∂q + (J̄₂ − D̄)p̄_e  (+ T⁻¹f_e when measured)

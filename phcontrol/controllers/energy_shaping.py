@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from phcontrol._validation import Array
-from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.damped_law import DampedLaw
 from phcontrol.controllers.position_law import PositionLaw
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.potentials.joint_spring import JointSpring
-from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.sensors.measured import Measured
 
 _feedback = kernels.feedback
 
 
-class EnergyShaping(PositionLaw):
+class EnergyShaping(PositionLaw, DampedLaw):
     """Hold a position or follow a motion: the arm's potential is replaced by another, and damping is injected.
 
         u = G⁻¹(∂V/∂q − ∂Ψ/∂q + M q̈_ref + C q̇_ref + D q̇_ref) − C Gᵀv_e,    v_e = q̇ − q̇_ref
@@ -40,48 +39,16 @@ class EnergyShaping(PositionLaw):
     name = "energy_shaping"
 
     def prepare(self) -> None:
-        """Form G C Gᵀ."""
+        """See whether the whole force along a trajectory is to be had at once."""
         super().prepare()
-        G = self.system.input_matrix
-        self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
-        self._negative_damping = -self._joint_damping
-        self._cancels = self.cancels_external_force
         self._tracks = self.interconnection == "coriolis" and self._trajectory is not None
 
-    @property
-    def cancels_external_force(self) -> bool:
-        """Whether the measured f_e is cancelled."""
-        return False
-
-    def structure(self, t: float, x: MechanicalState) -> Array:
-        """Return J̄₂."""
-        return x.interconnection(self.interconnection)
-
-    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½|p̄_e|² + Ψ [J]."""
-        aim = self.aim(t, x)
-        return float(0.5 * aim.momentum.dot(aim.momentum)) + aim.energy
-
-    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
-        """Return the closed loop on (q̃, p̄_e)."""
-        aim = self.aim(t, x)
-        return Target.of(
-            {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
-            lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): self.structure(t, x)},
-            lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed_injection(self.damping)},
-            lambda: {} if self._cancels else {MOMENTUM: x.inverse_factor},
-            self.drive(t, x, measured),
-        )
-
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e."""
-        known = self._measurement(measured, "external_force") if self._cancels else None
-        if self._tracks and self._spring is not None:
-            return Shaping(self._tracking_force(t, x, self._spring), cancelled_force=known, complete=True)
-        aim = self.aim(t, x)
-        effort = self._negative_damping.dot(aim.velocity)
-        effort -= aim.gradient
-        return Shaping(effort, *aim.shift(), cancelled_force=known)
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e; along a trajectory the whole force at once."""
+        if not self._tracks or self._spring is None:
+            return super().shape(t, x, state, measured)
+        known = self._measurement(measured, "external_force") if self.cancels_external_force else None
+        return Shaping(self._tracking_force(t, x, self._spring), cancelled_force=known, complete=True)
 
     def _tracking_force(self, t: float, x: MechanicalState, spring: JointSpring) -> Array:
         """Return the whole force along a trajectory in the coriolis form, without forming M or C [N·m]."""
@@ -89,8 +56,3 @@ class EnergyShaping(PositionLaw):
         position, velocity, acceleration = self._trajectory.at(t)
         leading, error = x.feedforward(velocity, acceleration), x.position_error(position)
         return _feedback(leading, spring.stiffness, error, self._joint_damping, x.velocity, velocity)
-
-    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return Gᵀv_e, v_eᵀ(D + G C Gᵀ)v_e, and (D + G C Gᵀ)v_e."""
-        velocity = self.aim(t, x).velocity
-        return PassivePort.of(x, velocity, self._joint_damping.dot(velocity), velocity)

@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 from phcontrol._validation import Array
+from phcontrol.controllers.joint_damped_law import JointDampedLaw
 from phcontrol.controllers.parameters import Gain, Parameter, Vector
-from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.joint_spring import JointSpring
@@ -24,7 +24,7 @@ def _potential(name: str, value: Any, system: MechanicalSystem) -> Potential:
     return value
 
 
-class PositionLaw(ShapedLaw):
+class PositionLaw(JointDampedLaw):
     """Laws whose Ψ is given as ``potential``, or for short as a spring on the joints: ``goal`` and ``stiffness``.
 
     Along a trajectory of the joints no goal is given: the trajectory is it.

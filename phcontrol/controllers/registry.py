@@ -8,6 +8,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import choice, count, text
+from phcontrol.controllers.cartesian_impedance import CartesianImpedance
+from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
@@ -95,6 +97,25 @@ CONTROLLERS: dict[str, Entry] = {
         "Theorem 6.1.1, errata E22",
         "q, q̇, external force",
         {"measured": True},
+    ),
+    "cartesian_impedance": Entry(
+        CartesianImpedance,
+        "holds the hand at a pose by a spring and a damper of wished stiffness, through singular postures too",
+        "theory section 12",
+        minimum_joints=6,
+    ),
+    "cartesian_impedance_with_tank": Entry(
+        CartesianImpedance,
+        "the same, and holds the arm's posture without disturbing the hand, paid for by an energy tank",
+        "theory sections 12 and 13",
+        options={"posture": "tank"},
+        minimum_joints=6,
+    ),
+    "cartesian_tracking": Entry(
+        CartesianTracking,
+        "leads the hand along a path by the same spring and damper",
+        "theory sections 11 and 12",
+        minimum_joints=6,
     ),
     "reduction_servo": Entry(
         ReductionServo,

@@ -12,7 +12,7 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.controllers.aim import Aim, LedAim
 from phcontrol.controllers.controller import Controller
-from phcontrol.controllers.parameters import Gain, Parameter
+from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose
@@ -37,7 +37,7 @@ def _reference(name: str, value: Any, system: MechanicalSystem) -> AnyReference:
     return check_trajectory(name, value, system.n)
 
 
-def _pose(reference: FrameReference) -> Pose:
+def pose_of(reference: FrameReference) -> Pose:
     """Return the pose; where the orientation is free, any."""
     return Pose(reference.position, np.eye(3) if reference.rotation is None else reference.rotation)
 
@@ -50,10 +50,8 @@ class ShapedLaw(Controller):
 
     Args:
         reference: along what, by default a goal at rest.
-        damping: C, by which −C Gᵀv̂ damps, positive definite [N·m·s/rad].
     """
 
-    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
     reference: Parameter[AnyReference | None, AnyReference | None] = Parameter(default=None, check=_reference)
 
     def prepare(self) -> None:
@@ -92,11 +90,6 @@ class ShapedLaw(Controller):
                 message = f"leaves a part of the potential behind: {self.potential!r} must move with it as a whole"
                 raise InvalidArgumentError("reference", message)
 
-    @property
-    def injected_damping(self) -> Array | None:
-        """C, shape (n, n) [N·m·s/rad]."""
-        return self.damping
-
     @abstractmethod
     def shaped(self) -> Potential:
         """Return Ψ, made of the law's arguments."""
@@ -110,7 +103,7 @@ class ShapedLaw(Controller):
             pose = self._path.at(t)
             motion = resolved_motion(x, self._path.frame, pose)
             missed = motion.missed if motion.missed.any() else None
-            return LedAim(x, shaped, _pose(pose), motion.velocity, motion.acceleration, missed)
+            return LedAim(x, shaped, pose_of(pose), motion.velocity, motion.acceleration, missed)
         assert self._trajectory is not None
         desired = self._trajectory.at(t)
         return LedAim(x, shaped, desired.position, desired.velocity, desired.acceleration)
@@ -124,7 +117,7 @@ class ShapedLaw(Controller):
             return None
         desired = self._path.at(t)
         share = missed_share(x, self._path.frame, len(desired.twist))
-        return {"error": -self.potential.twist_map(x, _pose(desired))[:, : len(share)] @ share}, desired.twist
+        return {"error": -self.potential.twist_map(x, pose_of(desired))[:, : len(share)] @ share}, desired.twist
 
     @property
     def driven_by(self) -> str:
@@ -158,6 +151,11 @@ class ShapedLaw(Controller):
         return posture if np.abs(self.potential.gradient(x)).max() <= 1e-9 * np.abs(beside).max() else None
 
     @property
+    def start_posture(self) -> Array:
+        """From which the postures are looked for where the law rests [rad]: the arm's home."""
+        return self.system.robot.home
+
+    @property
     def _least_at_rest(self) -> Potential:
         """What is smallest where the law rests: Ψ."""
         return self.potential
@@ -176,15 +174,17 @@ class ShapedLaw(Controller):
             return self._minima[0]
         step = max(0, min(_MINIMA - 1, int(t / self.time_span * (_MINIMA - 1))))
         if t not in self._found:
-            self._found[t] = self._least_at_rest.minimum_near(self.system, self._minima[step], _pose(self._path.at(t)))
+            self._found[t] = self._least_at_rest.minimum_near(
+                self.system, self._minima[step], pose_of(self._path.at(t))
+            )
         return self._found[t]
 
     @lazy
     def _minima(self) -> list[Array]:
         """Postures at which Ψ is smallest, at times spread over the reference, each from the one before."""
-        system, found = self.system, [self.system.robot.home]
+        system, found = self.system, [self.start_posture]
         for share in np.linspace(0.0, 1.0, 1 if self._path is None else _MINIMA):
-            goal = None if self._path is None else _pose(self._path.at(share * self.time_span))
+            goal = None if self._path is None else pose_of(self._path.at(share * self.time_span))
             found.append(self._least_at_rest.minimum_near(system, found[-1], goal))
         return found[1:]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import lapack
@@ -12,6 +13,10 @@ from phcontrol.mechanics import kernels
 
 DAMPING_SHARE = 0.6
 """λ₀/ε by default."""
+SINGULAR_REGION = 0.02
+"""ε of a frame's Jacobian, from which on its inverse is damped [m/rad]."""
+LENGTH = 0.3
+"""How many metres 1 rad counts as where both are compared [m/rad]."""
 
 _dsyev = lapack.dsyev
 
@@ -71,3 +76,15 @@ class SingularDamping:
         except ArithmeticError:
             return False
         return float(np.vdot(columns, columns)) * self.region**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
+
+
+@lru_cache
+def frame_damping(
+    rows: int,
+    level: float = DAMPING_SHARE * SINGULAR_REGION,
+    region: float = SINGULAR_REGION,
+    length: float = LENGTH,
+) -> SingularDamping:
+    """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
+    angular = positive("length", length) ** -2
+    return SingularDamping(level, region, np.diag([1.0] * 3 + [angular] * (rows - 3)))

@@ -16,6 +16,7 @@ from phcontrol.mechanics.friction import Friction
 from phcontrol.mechanics.pose import FrameKinematics
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import REFERENCES, Coupling, Robot, wrapped
+from phcontrol.mechanics.task_space import TaskSpace
 
 INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
@@ -286,12 +287,16 @@ class MechanicalState:
     @lazy
     def transformed_damping(self) -> Array:
         """D̄ = T⁻¹D T⁻ᵀ, shape (n, n) (2.39)."""
-        return self.solve_factor(self.solve_factor(self.damping_matrix).T)
+        return self.transformed(self.damping_matrix)
 
     @lazy
     def transformed_input(self) -> Array:
         """Ḡ = T⁻¹G, shape (n, n) (2.40)."""
         return self.solve_factor(self.input_matrix)
+
+    def transformed(self, matrix: Array) -> Array:
+        """Return T⁻¹X T⁻ᵀ of a symmetric matrix X of the joints, shape (n, n)."""
+        return self.solve_factor(self.solve_factor(matrix).T)
 
     def transformed_injection(self, damping: Array) -> Array:
         """Return ḠCḠᵀ of an injected damping C, shape (n, n)."""
@@ -389,6 +394,24 @@ class MechanicalState:
             full = pin.getFrameJacobianTimeVariation(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
             rate = self._frame_rates[frame] = self._independent(full)
         return rate
+
+    def task_space(self, frame: str, rows: int = 6) -> TaskSpace:
+        """Return how the joints move a frame, and what they leave it: made on first use and once a frame.
+
+        Args:
+            frame: name of a link or frame.
+            rows: 6 for pose, 3 for position alone.
+        """
+        found = self._task_spaces.get((frame, rows))
+        if found is None:
+            jacobian = self.frame_kinematics(frame).jacobian
+            found = TaskSpace(jacobian if rows == 6 else jacobian[:rows], self.factor)
+            self._task_spaces[frame, rows] = found
+        return found
+
+    @lazy
+    def _task_spaces(self) -> dict[tuple[str, int], TaskSpace]:
+        return {}
 
     @lazy
     def _frame_kinematics(self) -> dict[str, FrameKinematics]:

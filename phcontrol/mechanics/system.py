@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array, matrix, sequence, vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import kernels
@@ -113,6 +114,20 @@ class MechanicalSystem:
             return force
         torque: Array = lapack.dgetrs(*self.input_factors, force)[0]
         return torque
+
+    @lazy
+    def hand_frame(self) -> str:
+        """Name of the frame that does the arm's work: its tool, or the last one that all joints of a chain move."""
+        robot = self.robot
+        if robot.tool_frame:
+            return robot.tool_frame
+        x = self.at(robot.near_home())
+        moves = {
+            frame: int(np.abs(x.frame_jacobian(frame, "local_world_aligned")).max(axis=0).astype(bool).sum())
+            for frame in robot.frame_names
+        }
+        most = max(moves.values())
+        return [frame for frame, count in moves.items() if count == most][-1]
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's index of a frame. Raises UnknownNameError, listing the frames."""

@@ -43,7 +43,7 @@ class Workplace:
     def __init__(self, system: MechanicalSystem, frame: str | None = None) -> None:
         robot = system.robot
         self.system, self.goal = system, robot.near_home()
-        self.frame = frame or robot.tool_frame or _last_moving(system)
+        self.frame = frame or system.hand_frame
         self.turns = system.n >= 6
         """Whether it has joints enough for an orientation, too."""
         self.halfway = robot.home + 0.5 * robot.difference(self.goal, robot.home)
@@ -169,14 +169,3 @@ def _pressing(place: Workplace, potential: Potential | None) -> dict[str, Any]:
     if potential is None:
         return {"force": np.full(place.system.n, _FORCE), "holding": (JointSpring(place.goal, 20.0),)}
     return {"force": (0.0, 0.0, -_FORCE), "frame": place.frame, "holding": (potential,)}
-
-
-def _last_moving(system: MechanicalSystem) -> str:
-    """Return the last frame that all joints of the longest chain move."""
-    x = system.at(system.robot.near_home())
-    moves = {
-        frame: int(np.abs(x.frame_jacobian(frame, "local_world_aligned")).max(axis=0).astype(bool).sum())
-        for frame in system.robot.frame_names
-    }
-    most = max(moves.values())
-    return [frame for frame, count in moves.items() if count == most][-1]

@@ -23,6 +23,7 @@ from phcontrol.runtime.timing import Timing, TimingRecorder
 from phcontrol.runtime.torque_gate import TorqueGate
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.closed_loop import torque_limit_of
 from phcontrol.simulation.sampled_control import SampledControl
 
@@ -72,6 +73,7 @@ class ControlLoop:
         holding_damping: of the joints [N·m·s/rad], one or one each; by default what stops M(home)'s diagonal in 0.2 s.
         stale_after: [s]; by default 10 periods.
         deadline: of one step's computation [s]; by default the period.
+        setpoint: what is changed while the loop runs; brought up to date before each step of the law.
         clock: what time is read from [s].
     """
 
@@ -88,6 +90,7 @@ class ControlLoop:
         holding_damping: ArrayLike | None = None,
         stale_after: float | None = None,
         deadline: float | None = None,
+        setpoint: Setpoint | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.period = positive("period", period)
@@ -115,6 +118,9 @@ class ControlLoop:
             self._jumps,
         )
         self._measured = MeasuredBorders(controller, robot)
+        if setpoint is not None and not isinstance(setpoint, Setpoint):
+            raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(setpoint).__name__}")
+        self.setpoint = setpoint
         self._clock, self._recorder = clock, TimingRecorder(self.period, self.deadline)
         self._restarts = RestartPolicy(self.period)
         self._state: Array = np.zeros(controller.state_size)
@@ -262,6 +268,8 @@ class ControlLoop:
 
     def _law_torque(self, x: MechanicalState, measured: Measured) -> Array:
         sampled = self._sampled
+        if self.setpoint is not None:
+            self.setpoint.advance(self._time)
         if self.mode == LoopMode.STARTING and self._steps_in_mode == 0:
             self._state = sampled.initial_state(x)
         part = 1.0

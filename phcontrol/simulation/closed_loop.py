@@ -26,6 +26,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
+from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
@@ -52,6 +53,7 @@ def simulate(
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
     scene: Scene | None = None,
+    setpoint: Setpoint | None = None,
     progress: bool | None = None,
     watch: Callable[[Log], None] | None = None,
 ) -> Log:
@@ -79,6 +81,7 @@ def simulate(
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
         scene: what a camera in the hand sees, for laws that need image features; a state that it has is integrated
             with the loop.
+        setpoint: what is changed while the run goes on; brought up to date before each step. For one run only.
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
 
@@ -94,6 +97,8 @@ def simulate(
         sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
     if scene is not None and not hasattr(scene, "state_size"):
         raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
+    if setpoint is not None:
+        _check_setpoint(setpoint)
     if watch is not None and not callable(watch):
         raise InvalidArgumentError("watch", f"must be callable with the log, but is {type(watch).__name__}")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
@@ -156,6 +161,8 @@ def simulate(
         with np.errstate(all="ignore"), tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
             for k in range(steps + 1):
                 t = k * dt
+                if setpoint is not None:
+                    setpoint.advance(t)
                 if instruments is not None:
                     measured = instruments.observe(k, t, loop, y, held)
                     log.record_measured(k, measured)
@@ -208,6 +215,14 @@ def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit
+
+
+def _check_setpoint(setpoint: Any) -> None:
+    if not isinstance(setpoint, Setpoint):
+        raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(setpoint).__name__}")
+    if not math.isinf(setpoint.time):
+        message = f"has been through a run until {setpoint.time:g} s, and its course is that run's: make a new one"
+        raise InvalidArgumentError("setpoint", message)
 
 
 def _sight(loop: ClosedLoop) -> dict[str, Any] | None:

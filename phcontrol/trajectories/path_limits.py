@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, count, number, per_joint
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.derivatives import right_inverse
+from phcontrol.mechanics.singular_damping import LENGTH, SINGULAR_REGION, frame_damping
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
 from phcontrol.trajectories.inverse_kinematics import Posture, UnreachableTargetError
 from phcontrol.trajectories.limits import ROUNDING
 from phcontrol.trajectories.minimum_jerk import usual_speed
-from phcontrol.trajectories.resolved_motion import LENGTH, SINGULAR_REGION, frame_damping, resolved_motion
+from phcontrol.trajectories.resolved_motion import resolved_motion
 from phcontrol.trajectories.slowed_path import SlowedPath
 
 _CORRECTIONS = 8

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array
 from phcontrol.mechanics.derivatives import right_inverse_motion
-from phcontrol.mechanics.singular_damping import DAMPING_SHARE, SingularDamping
+from phcontrol.mechanics.singular_damping import DAMPING_SHARE, LENGTH, SINGULAR_REGION, frame_damping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.trajectories.frame_path import FrameReference
-
-SINGULAR_REGION = 0.02
-"""ε, from which on the inverse is damped [m/rad]."""
-LENGTH = 0.3
-"""How many metres 1 rad counts as where both are compared [m/rad]."""
 
 
 class ResolvedMotion(NamedTuple):
@@ -79,16 +73,9 @@ def missed_share(x: MechanicalState, frame: str, rows: int) -> Array:
     """
     jacobian = x.frame_jacobian(frame, "local_world_aligned")[:rows]
     square = jacobian.dot(jacobian.T)
-    damping = frame_damping(rows, DAMPING_SHARE * SINGULAR_REGION, SINGULAR_REGION, LENGTH)
+    damping = frame_damping(rows)
     damped = damping.at(square)
     if damped is None:
         return np.zeros((rows, rows))
     share: Array = damped[0] * np.linalg.solve(square + damped[0] * damping.weight, damping.weight).T
     return share
-
-
-@lru_cache
-def frame_damping(rows: int, level: float, region: float, length: float) -> SingularDamping:
-    """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
-    angular = positive("length", length) ** -2
-    return SingularDamping(level, region, np.diag([1.0] * 3 + [angular] * (rows - 3)))

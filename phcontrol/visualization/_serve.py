@@ -3,7 +3,8 @@
 Standard output: one JSON line, the port or an error; and one line more when a browser connects for the first time.
 Standard input: the page's length (8 bytes, big-endian) and the page; when it ends, the server does, and also when its
 parent has gone while something else holds the pipe open. Frames come as datagrams on the socket whose number is given,
-an empty one at the end of the run. A process of its own keeps all this out of the control loop.
+an empty one at the end of the run; what browsers ask for goes back on it. A process of its own keeps all this out of
+the control loop.
 
 Only pages that came from here are answered: a name that someone else's server resolves to this machine shows in the
 Host header, another page's script in the Origin.
@@ -12,6 +13,7 @@ Host header, another page's script in the Origin.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import socket
@@ -31,6 +33,8 @@ PATIENCE = 10.0
 """Time that a browser has to take a batch [s]; one that stands still longer is dropped."""
 AT_ONCE = 1000
 """Frames taken before the browsers have their turn."""
+LONGEST = 4096
+"""Of what a browser may ask for at once [bytes]."""
 ROOM = memoryview(bytearray(1 << 20))
 """For one frame as it comes: each is then kept in no more memory than it needs."""
 NAMES = ("127.0.0.1", "localhost")
@@ -40,8 +44,15 @@ NAMES = ("127.0.0.1", "localhost")
 class State:
     """What has come so far, and who watches."""
 
-    def __init__(self, page: bytes) -> None:
-        self.page, self.frames, self.size, self.ended, self.greeted = page, list[bytes](), 0, False, False
+    def __init__(self, page: bytes, source: socket.socket) -> None:
+        self.page, self.source, self.frames, self.size, self.ended, self.greeted = (
+            page,
+            source,
+            list[bytes](),
+            0,
+            False,
+            False,
+        )
         self.browsers: set[Frames] = set()
 
     def add(self, frame: bytes) -> None:
@@ -140,6 +151,11 @@ class Frames(tornado.websocket.WebSocketHandler):
             self.state.browsers.discard(self)
             self.close()  # cut off by Tornado when that is not answered either
 
+    def on_message(self, message: str | bytes) -> None:
+        """Hand on what it asks for; when the run does not take it, it is lost."""
+        with contextlib.suppress(OSError):
+            self.state.source.send(message.encode() if isinstance(message, str) else message)
+
     def on_close(self) -> None:
         """Forget it."""
         self.state.browsers.discard(self)
@@ -179,15 +195,15 @@ async def main(port: int, source_number: int, parent: int) -> None:
     await asyncio.wait({asyncio.ensure_future(reading), gone}, return_when=asyncio.FIRST_COMPLETED)
     if gone.done():
         os._exit(1)  # a thread waits for a page that will not come
-    state = State(reading.result())
+    source = socket.socket(fileno=source_number)
+    source.setblocking(False)
+    state = State(reading.result(), source)
     routes = [("/", Page, {"state": state}), ("/frames", Frames, {"state": state})]
     application = tornado.web.Application(
-        routes, log_function=lambda handler: None
+        routes, log_function=lambda handler: None, websocket_max_message_size=LONGEST
     )  # a page from elsewhere may ask often
     server = tornado.httpserver.HTTPServer(application)
     server.add_sockets(sockets)
-    source = socket.socket(fileno=source_number)
-    source.setblocking(False)
     loop.add_reader(source.fileno(), forward, source, state)
     loop.add_reader(sys.stdin.fileno(), lambda: None if os.read(sys.stdin.fileno(), 4096) else gone.cancel())
     await asyncio.wait([gone])

@@ -8,7 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from phcontrol._validation import flag, positive
+from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.log import Log
+from phcontrol.visualization.live_controls import LiveControls
 from phcontrol.visualization.page import page
 from phcontrol.visualization.server import PageServer, announce_page
 from phcontrol.visualization.stage import Stage
@@ -25,6 +27,7 @@ class LiveView:
         rate: frames a second at most [Hz].
         real_time: hold the run back to the pace of the clock, as an arm would go.
         port: to serve on; 0 for any free one; by default the first free one from 7000.
+        controls: what may be changed on the page: a setpoint, the one that the run is given, or its ``LiveControls``.
         announce: called when the page is served, before the run goes on; by default opens a browser, or where
             there is none prints the address.
 
@@ -37,10 +40,12 @@ class LiveView:
         rate: float = 30.0,
         real_time: bool = True,
         port: int | None = None,
+        controls: Setpoint | LiveControls | None = None,
         announce: Callable[[PageServer], None] | None = None,
     ) -> None:
         self.period = 1.0 / positive("rate", rate)
         self.real_time, self._announce = flag("real_time", real_time), announce or announce_page
+        self.controls = LiveControls(controls) if isinstance(controls, Setpoint) else controls
         self.server = PageServer(port)
         self._stage: Stage | None = None
         self._start = self._next = 0.0
@@ -61,6 +66,9 @@ class LiveView:
                 now = time.perf_counter()
         if now >= self._next:
             self._next = now + self.period
+            if self.controls is not None:
+                for message in self.server.received():
+                    self.controls.take(message)
             self._show(log, k)
 
     def _show(self, log: Log, k: int) -> None:
@@ -75,7 +83,7 @@ class LiveView:
         row = log.derive(k)
         self._stage = Stage.of(log, goal="goal" in row)
         first = self._stage.frame(float(log.time[k]), log.position[k], row)
-        self.server.publish(page(self._stage, np.array([first]), live=True))
+        self.server.publish(page(self._stage, np.array([first]), live=True, controls=self.controls))
         self._announce(self.server)
 
     def finish(self, log: Log) -> None:

@@ -15,19 +15,23 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.exceptions import PHControlError
+from phcontrol.visualization.live_controls import LiveControls
 from phcontrol.visualization.shapes import encode
 from phcontrol.visualization.stage import Stage
 
 
-def page(stage: Stage, frames: Array, *, live: bool = False, script: str | None = None) -> str:
+def page(
+    stage: Stage, frames: Array, *, live: bool = False, script: str | None = None, controls: LiveControls | None = None
+) -> str:
     """Return the page of a stage and its frames, shape (N, columns).
 
     A live page hears of more frames by itself. ``script`` is the address of MeshCat's script, for pages that share
-    one; by default it is part of the page.
+    one; by default it is part of the page. ``controls`` are for a live page.
     """
     center, radius = stage.extent(frames[np.linspace(0, len(frames) - 1, 5).astype(int)])
     run = stage.to_dict() | {
         "live": live,
+        "controls": None if controls is None else controls.to_dict(),
         "center": center,
         "radius": max(radius, 1e-2),
         "frames": None if live else encode(frames, np.float32),

@@ -17,6 +17,7 @@ from phcontrol.exceptions import InvalidArgumentError, PHControlError
 
 FIRST_PORT, PORTS = 7000, 20
 LAST_PORT = 65535
+_MESSAGES, _LONGEST = 100, 4096
 
 
 def check_port(port: int) -> int:
@@ -95,6 +96,14 @@ class PageServer:
         except (BlockingIOError, OSError):
             return False
         return True
+
+    def received(self) -> list[bytes]:
+        """Return what browsers have asked for since the last call, at most a hundred messages. Never waits."""
+        found: list[bytes] = []
+        with contextlib.suppress(BlockingIOError, OSError):
+            while len(found) < _MESSAGES:
+                found.append(self._socket.recv(_LONGEST))
+        return found
 
     def end(self) -> None:
         """Say that no more frames will come."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from phcontrol import FigureOfEight, FrameReference, InvalidArgumentError, resolved_motion
-from phcontrol.trajectories.resolved_motion import LENGTH, SINGULAR_REGION
+from phcontrol.mechanics.singular_damping import LENGTH, SINGULAR_REGION
 from tests.conftest import make_system
 from tests.finite_differences import derivative
 

@@ -372,10 +372,113 @@
     }
   }
 
+  // --- what may be changed while it runs ------------------------------------------------------------------
+
+  let socket = null;
+  const handles = {};
+  const parts = {};  // sliders by the part of the setpoint that they are of
+
+  function ask(part) {
+    if (!socket || socket.readyState !== WebSocket.OPEN) return;
+    socket.send(JSON.stringify({ part, values: parts[part].map((slider) => Number(slider.input.value)) }));
+  }
+
+  function setSlider(slider, value) {
+    slider.input.value = Math.min(slider.high, Math.max(slider.low, value));
+    slider.output.textContent = readable(Number(slider.input.value)) + " " + slider.unit;
+  }
+
+  function placeHandle(part) {  // where the hand is asked to be
+    if (handles[part]) handles[part].position.set(...parts[part].slice(0, 3).map((slider) => Number(slider.input.value)));
+    viewer.set_dirty();
+  }
+
+  function makeControls() {
+    const form = element("controls");
+    form.hidden = false;
+    form.addEventListener("submit", (event) => event.preventDefault());
+    for (const entry of run.controls.sliders) {
+      if (!parts[entry.part]) {
+        parts[entry.part] = [];
+        const heading = document.createElement("h2");
+        heading.textContent = entry.part;
+        form.append(heading);
+      }
+      const label = document.createElement("label"), name = document.createElement("span");
+      const slider = Object.assign({ input: document.createElement("input"), output: document.createElement("output") }, entry);
+      name.textContent = entry.label;
+      Object.assign(slider.input, { type: "range", min: entry.low, max: entry.high, step: "any" });
+      slider.input.setAttribute("aria-label", entry.part + " " + entry.label);
+      slider.input.addEventListener("input", () => { setSlider(slider, Number(slider.input.value)); placeHandle(entry.part); ask(entry.part); });
+      label.append(name, slider.input, slider.output);
+      form.append(label);
+      parts[entry.part].push(slider);
+      setSlider(slider, entry.value);
+    }
+    run.controls.handles.forEach(makeHandle);
+  }
+
+  function makeHandle(part) {
+    const size = 0.035 * run.radius;
+    const ball = new THREE.Mesh(
+      new THREE.SphereGeometry(size, 32, 20),
+      new THREE.MeshPhongMaterial({ color: 0x0072b2, opacity: 0.6, transparent: true, depthTest: false }));
+    viewer.set_object(["setpoint", part], ball);
+    handles[part] = viewer.scene_tree.find(["setpoint", part]).object;
+    placeHandle(part);
+  }
+
+  // a handle is dragged in the plane through it that faces the camera
+  const ray = new THREE.Raycaster(), plane = new THREE.Plane(), spot = new THREE.Vector3();
+  let dragged = null;
+
+  function aimAt(event) {
+    const pane = viewer.renderer.domElement.getBoundingClientRect();
+    ray.setFromCamera(new THREE.Vector2(2 * (event.clientX - pane.left) / pane.width - 1,
+                                        1 - 2 * (event.clientY - pane.top) / pane.height), viewer.camera);
+  }
+
+  function beginDrag(event) {
+    aimAt(event);
+    const hit = ray.intersectObjects(Object.values(handles), true)[0];
+    if (!hit) return;
+    dragged = Object.keys(handles).find((part) => { let found = false;
+      handles[part].traverse((object) => { found = found || object === hit.object; }); return found; });
+    plane.setFromNormalAndCoplanarPoint(viewer.camera.getWorldDirection(new THREE.Vector3()),
+                                        handles[dragged].getWorldPosition(new THREE.Vector3()));
+    viewer.controls.enabled = false;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  function drag(event) {
+    if (!dragged) return;
+    aimAt(event);
+    if (!ray.ray.intersectPlane(plane, spot)) return;
+    const world = viewer.scene_tree.object.worldToLocal(spot.clone()).toArray();
+    parts[dragged].slice(0, 3).forEach((slider, i) => setSlider(slider, world[i]));
+    placeHandle(dragged);
+    ask(dragged);
+    event.stopPropagation();
+  }
+
+  function endDrag() {
+    if (dragged) viewer.controls.enabled = true;
+    dragged = null;
+  }
+
+  if (run.controls) {
+    makeControls();
+    const canvas = viewer.renderer.domElement;
+    canvas.addEventListener("pointerdown", beginDrag, true);
+    window.addEventListener("pointermove", drag, true);
+    window.addEventListener("pointerup", endDrag, true);
+  }
+
   function listen() {
     element("live").hidden = false;
     setFollowing(true);
-    const socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/frames");
+    socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/frames");
     socket.binaryType = "arraybuffer";
     socket.onmessage = (message) => {
       if (typeof message.data === "string") ended(); else take(new Float32Array(message.data));
@@ -385,6 +488,7 @@
 
   function ended() {
     element("live").hidden = true;
+    element("controls").hidden = true;
     if (following && frames.length) show(frames[frames.length - 1][0]);
     setFollowing(false);
     api.ended = true;
@@ -407,6 +511,13 @@
     ended: false,
     get time() { return time; },
     get frames() { return frames.length; },
+    /** Where a handle is on the page, in pixels: [x, y]. */
+    handle(part) {
+      const pane = viewer.renderer.domElement.getBoundingClientRect();
+      viewer.camera.updateMatrixWorld(true);
+      const at = handles[part].getWorldPosition(new THREE.Vector3()).project(viewer.camera);
+      return [pane.left + (at.x + 1) * pane.width / 2, pane.top + (1 - at.y) * pane.height / 2];
+    },
     get duration() { return frames.length ? frames[frames.length - 1][0] : 0; },
     /** Where a node of the scene is, in the world: [x, y, z]. */
     where(path) {

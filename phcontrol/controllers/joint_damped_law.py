@@ -1,0 +1,33 @@
+"""The base of shaped laws that damp the joints by a constant matrix."""
+
+from __future__ import annotations
+
+from phcontrol._validation import Array
+from phcontrol.controllers.parameters import Gain
+from phcontrol.controllers.shaped_law import ShapedLaw
+from phcontrol.mechanics.state import MechanicalState
+
+
+class JointDampedLaw(ShapedLaw):
+    """Laws about a potential that damp by −C Gᵀv̂.
+
+    Args:
+        damping: C, positive definite [N·m·s/rad].
+    """
+
+    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
+
+    def prepare(self) -> None:
+        """Form G C Gᵀ."""
+        super().prepare()
+        G = self.system.input_matrix
+        self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
+
+    def joint_damping(self, x: MechanicalState) -> Array:
+        """Return G C Gᵀ, shape (n, n) [N·m·s/rad]."""
+        return self._joint_damping
+
+    @property
+    def injected_damping(self) -> Array | None:
+        """C, shape (n, n) [N·m·s/rad]."""
+        return self.damping

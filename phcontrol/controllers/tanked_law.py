@@ -1,0 +1,223 @@
+"""Laws with actions that an energy tank pays for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from phcontrol._lazy import lazy
+from phcontrol._validation import Array, sequence
+from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.target import MOMENTUM, Drive, Target
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.tanks.action import Action
+from phcontrol.tanks.energy_tank import EnergyTank, TankFlow
+
+TANK = "tank"
+"""Name of the state and part x_t − x_t(0)."""
+
+
+def _actions(name: str, value: Any, system: MechanicalSystem) -> tuple[Action, ...]:
+    actions = (value,) if isinstance(value, Action) else sequence(name, value, "actions")
+    for action in actions:
+        if not isinstance(action, Action):
+            message = f"must be actions (ExternalAction(function), for instance), but one is {type(action).__name__}"
+            raise InvalidArgumentError(name, message)
+        action.check(system)
+    return tuple(actions)
+
+
+def _tank(name: str, value: Any, system: MechanicalSystem) -> EnergyTank:
+    if not isinstance(value, EnergyTank):
+        raise InvalidArgumentError(name, f"must be an EnergyTank, but is {type(value).__name__}")
+    return value
+
+
+class TankedLaw(Controller):
+    """Any law with further torques that are not passive, which an energy tank pays for (theory section 13).
+
+    To a law with target (J_d, R_d) and p̂ among its coordinates it adds the torque G⁻¹ω a and one state x_t,
+
+        ẋ_t = (−ω aᵀv̂ + σ v̂ᵀΔv̂ − lost)/x_t,   v̂ = T⁻ᵀp̂,
+
+    with ω, σ and what is lost of :class:`EnergyTank`, Δ the law's injected damping. H_d + ½x_t² is the storage
+    function of an exact port-Hamiltonian system: skew coupling of p̂ and x_t by the column
+    (ωT⁻¹a − σT⁻¹Δv̂)/x_t; the part σT⁻¹ΔT⁻ᵀ of the damping moves from R_d to J_d, and lost/x_t² is in R_d.
+
+    It goes before another law among the bases of a class, and asks that for its own part; ``with_tank`` makes such a
+    class of any law. Without actions it is that law.
+
+    Args:
+        actions: what the tank pays for: an ``Action``, or several.
+        tank: its bounds and its level at the start.
+    """
+
+    actions: Parameter[Action | Sequence[Action], tuple[Action, ...]] = Parameter(
+        "a", "N·m", default=(), check=_actions
+    )
+    tank: Parameter[EnergyTank, EnergyTank] = Parameter("x_t", "√J", default=EnergyTank(), check=_tank)
+
+    @lazy
+    def paid(self) -> tuple[Action, ...]:
+        """Every action that the tank pays for."""
+        return (*self.actions, *self.own_actions())
+
+    def own_actions(self) -> tuple[Action, ...]:
+        """Return actions that follow from the law's other arguments; none by default."""
+        return ()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Those of the law, and with an action the tank's."""
+        return (*super().states, TANK) if self.paid else super().states
+
+    @property
+    def state_parts(self) -> dict[str, int]:
+        """The tank's part is one number."""
+        parts = super().state_parts
+        return parts | {TANK: 1} if self.paid else parts
+
+    @property
+    def caveat(self) -> str:
+        """Say what the tank starts with."""
+        filled = f"its tank starts with {self.tank.initial:g} J, which may reach the arm" if self.paid else ""
+        return "; ".join(filter(None, (super().caveat, filled)))
+
+    @property
+    def lacks_minimum(self) -> str:
+        """Beside what the law lacks: a tank may stay empty."""
+        kept = "an empty tank stays empty: no level of it is the one that it returns to" if self.paid else ""
+        return "; ".join(filter(None, (super().lacks_minimum, kept)))
+
+    @property
+    def time_span(self) -> float:
+        """The longest of law and actions [s]."""
+        return max([super().time_span, *(action.duration for action in self.paid)])
+
+    def tank_level(self, state: Array) -> float | None:
+        """Return the energy in the tank [J]."""
+        return self.tank.level(float(state[-1])) if self.paid else super().tank_level(state)
+
+    def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return that of the law, and the tank as it is."""
+        if not self.paid:
+            return super().calmest_state(t, x, state)
+        return np.append(super().calmest_state(t, x, state[:-1]), state[-1])
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
+        """Return H_d + ½x_t² [J]."""
+        if not self.paid:
+            return super().storage(t, x, state, measured)  # type: ignore[safe-super]  # of the law that comes after
+        own = super().storage(t, x, state[:-1], measured)  # type: ignore[safe-super]
+        return own + self.tank.level(float(state[-1]))
+
+    def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
+        """Add ω a to the law's effort, and the tank's rate to its state's."""
+        if not self.paid:
+            return super().shape(t, x, state, measured)
+        law, port = super().shape(t, x, state[:-1], measured), super().passive_port(t, x, state[:-1], measured)
+        torque, flow, _ = self._flow(t, x, port, state)
+        return law._replace(effort=law.effort + flow.opening * torque, state_rate=np.append(law.state_rate, flow.rate))
+
+    def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
+        """Return the law's port, less what the tank keeps of its damping, and with what it loses."""
+        if not self.paid:
+            return super().passive_port(t, x, state, measured)
+        port = super().passive_port(t, x, state[:-1], measured)
+        _, flow, damped = self._flow(t, x, port, state)
+        kept = flow.refill * damped
+        power = port.dissipated_power - float(self._velocity(port).dot(kept)) + flow.lost
+        return PassivePort(port.output, power, port.resistance - kept)
+
+    def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
+        """Return the law's promise with the tank beside it."""
+        if not self.paid:
+            return super().target(t, x, state, measured)  # type: ignore[safe-super]
+        law = super().target(t, x, state[:-1], measured)  # type: ignore[safe-super]
+        port = super().passive_port(t, x, state[:-1], measured)
+        torque, flow, damped = self._flow(t, x, port, state)
+        size, rows = len(law.coordinates), law.parts[MOMENTUM]
+
+        def interconnection() -> Array:
+            coupling = flow.per_charge(1.0) * x.solve_factor(flow.opening * torque - flow.refill * damped)
+            matrix = _bordered(law.interconnection)
+            matrix[rows, size], matrix[size, rows] = coupling, -coupling
+            return matrix
+
+        def dissipation() -> Array:
+            matrix, damping = _bordered(law.dissipation), self.joint_damping(x)
+            if damping is not None:
+                matrix[rows, rows] -= flow.refill * x.transformed(damping)
+            matrix[size, size] = flow.per_charge(flow.per_charge(flow.lost))
+            return matrix
+
+        drive = law.drive and Drive(np.vstack([law.drive.port, np.zeros_like(law.drive.port[:1])]), law.drive.signal)
+        return Target(
+            np.append(law.coordinates, state[-1]),
+            interconnection,
+            dissipation,
+            np.append(law.gradient, flow.charge),
+            lambda: np.vstack([law.port, np.zeros_like(law.port[:1])]),
+            drive,
+            dict(law.parts) | {TANK: slice(size, size + 1)},
+        )
+
+    def _flow(self, t: float, x: MechanicalState, port: PassivePort, state: Array) -> tuple[Array, TankFlow, Array]:
+        """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
+        torque: Array = sum((action.torque(t, x) for action in self.paid[1:]), self.paid[0].torque(t, x))
+        velocity, damping = self._velocity(port), self.joint_damping(x)
+        damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
+        flow = self.tank.flow(float(state[-1]), float(torque.dot(velocity)), float(damped.dot(velocity)))
+        return torque, flow, damped
+
+    def _velocity(self, port: PassivePort) -> Array:
+        """Return v̂ of ŷ = Gᵀv̂."""
+        G = self.system.input_matrix
+        return port.output if G is None else np.linalg.solve(G.T, port.output)
+
+
+def with_tank(law: type[Controller]) -> type[Controller]:
+    """Return a law's class with ``actions`` and a ``tank`` among its arguments.
+
+    Args:
+        law: any law.
+
+    Raises:
+        InvalidArgumentError: no law.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ExternalAction, ForceFeedback, MechanicalSystem, load_robot, with_tank
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> stirred = with_tank(ForceFeedback).tuned(system, actions=ExternalAction(lambda t, x: np.cos(x.position)))
+        >>> stirred.states
+        ('force', 'tank')
+    """
+    if not (isinstance(law, type) and issubclass(law, Controller)):
+        raise InvalidArgumentError("law", f"must be the class of a law, but is {law!r}")
+    if issubclass(law, TankedLaw):
+        return law
+    found = _MADE.get(law)
+    if found is None:
+        members = {"name": f"{law.name}_with_tank", "__doc__": law.__doc__, "__module__": law.__module__}
+        found = _MADE[law] = type(f"{law.__name__}WithTank", (TankedLaw, law), members)
+    return found
+
+
+_MADE: dict[type[Controller], type[Controller]] = {}
+
+
+def _bordered(matrix: Array) -> Array:
+    """Return a square matrix with a row and a column of zeros more."""
+    size = len(matrix)
+    result: Array = np.zeros((size + 1, size + 1))
+    result[:size, :size] = matrix
+    return result

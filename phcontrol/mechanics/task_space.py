@@ -1,0 +1,87 @@
+"""How the joints move a frame, and what motions they have left beside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phcontrol._lazy import lazy
+from phcontrol._validation import Array
+from phcontrol.mechanics import kernels
+from phcontrol.mechanics.singular_damping import frame_damping
+
+
+class TaskSpace:
+    """The task space of a frame at one posture, weighted by the inertia of the arm (O. Khatib, IEEE JRA 3(1), 1987).
+
+    Made by ``MechanicalState.task_space``. With ξ = 𝒥q̇ and M = T Tᵀ the null space is that of 𝒥 in the metric M. It is
+    written here in p̄ = Tᵀq̇, where projectors are symmetric.
+
+    Args:
+        jacobian: 𝒥, shape (m, n), at the frame's origin in the axes of the world.
+        factor: T, shape (n, n), lower triangular.
+    """
+
+    def __init__(self, jacobian: Array, factor: Array) -> None:
+        self.jacobian = jacobian
+        """𝒥, shape (m, n)."""
+        self._factor = factor
+
+    @lazy
+    def reduced(self) -> Array:
+        """W = T⁻¹𝒥ᵀ, shape (n, m): ξ = Wᵀp̄."""
+        return kernels.solve(self._factor, self.jacobian.T)
+
+    @lazy
+    def mobility(self) -> Array:
+        """B = 𝒥M⁻¹𝒥ᵀ = WᵀW, shape (m, m): the inverse of Λ, the frame's inertia, where that exists."""
+        mobility: Array = self.reduced.T.dot(self.reduced)
+        return mobility
+
+    @lazy
+    def _regular_mobility(self) -> Array:
+        """B + λ²(tr B / tr 𝒥𝒥ᵀ)W̃ with λ² of :class:`SingularDamping`: B itself away from singularities."""
+        square = self.jacobian.dot(self.jacobian.T)
+        damping = frame_damping(len(square))
+        damped = damping.at(square)
+        if damped is None:
+            return self.mobility
+        weight: Array = damped[0] * float(np.trace(self.mobility) / np.trace(square)) * damping.weight
+        return self.mobility + weight
+
+    def without_task(self, momentum: Array) -> Array:
+        """Return P p̄ = p̄ − W B⁻¹Wᵀp̄: the part of a momentum (or of T⁻¹f) that leaves the frame alone, shape (n,).
+
+        P is symmetric, 0 ≤ P ≤ 1. Near a singularity B⁻¹ is damped: P lets through a part of what hardly moves the
+        frame there.
+        """
+        twist = momentum.dot(self.reduced)
+        rest: Array = momentum - self.reduced.dot(self.solve_mobility(twist))
+        return rest
+
+    def solve_mobility(self, twist: Array) -> Array:
+        """Return B⁻¹ξ = Λξ, damped near singularities, of a twist or of the columns of a matrix."""
+        return kernels.solve_transposed(self._mobility_factor, kernels.solve(self._mobility_factor, twist))
+
+    @lazy
+    def _mobility_factor(self) -> Array:
+        return kernels.factor(self._regular_mobility)
+
+    @lazy
+    def projector(self) -> Array:
+        """P = 1 − W B⁻¹Wᵀ, shape (n, n)."""
+        projector: Array = np.eye(len(self.reduced)) - self.reduced @ self.solve_mobility(self.reduced.T)
+        projector += projector.T
+        projector *= 0.5
+        return projector
+
+    @property
+    def manipulability(self) -> float:
+        """sqrt(det 𝒥𝒥ᵀ) (T. Yoshikawa, IJRR 4(2), 1985); 0 at a singularity. Metres and radians are mixed."""
+        return math.sqrt(max(float(np.linalg.det(self.jacobian @ self.jacobian.T)), 0.0))
+
+    @property
+    def singularity_distance(self) -> float:
+        """Smallest singular value of 𝒥 with its angular rows times 0.3 m [m/rad]; 0 at a singularity."""
+        return frame_damping(len(self.jacobian)).distance(self.jacobian @ self.jacobian.T)

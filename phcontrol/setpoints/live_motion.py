@@ -1,0 +1,78 @@
+"""What may be changed while an arm runs."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Any, Generic, TypeVar
+
+from phcontrol._validation import number
+from phcontrol.exceptions import InvalidArgumentError
+
+Place = TypeVar("Place")
+"""What is reached: a posture, a pose, numbers."""
+
+
+class LiveMotion(ABC, Generic[Place]):
+    """A course that is changed while it is followed, smoothly: the base of live goals.
+
+    ``request`` may be called from any thread; ``advance`` by one alone, that of the loop. A request that comes before
+    the last one was taken up replaces it. What the course has been up to the last ``advance`` does not change: so a
+    law that follows it stays a pure function of time.
+
+    Args:
+        origin: where it stands at first.
+    """
+
+    def __init__(self, origin: Place) -> None:
+        self._origin, self._asked = origin, origin
+        self._waiting: deque[Place] = deque(maxlen=1)  # appending replaces; both ends are safe from any thread
+        self._now = -math.inf
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """When the course so far ends [s]; 0 before the first change."""
+
+    @property
+    def goal(self) -> Place:
+        """What was last asked for, reached or not."""
+        return self._asked
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether it stood at its goal at the last ``advance``."""
+        return not self._waiting and self._now >= self.duration
+
+    def request(self, goal: Any) -> None:
+        """Ask for a new goal, from any thread; it is taken up at the next ``advance``.
+
+        Raises InvalidArgumentError for what is none; then the last goal stays.
+        """
+        self._asked = self.checked(goal)
+        self._waiting.append(self._asked)
+
+    def advance(self, t: float) -> None:
+        """Take up what was asked for, from time t on [s]; called before the course is asked for at t.
+
+        Raises InvalidArgumentError when time goes backwards.
+        """
+        now = number("t", t)
+        if now < self._now:
+            raise InvalidArgumentError("t", f"must not go backwards, but {now:g} s comes after {self._now:g} s")
+        self._now = now
+        if self._waiting and self._is_free(now):
+            self._redirect(now, self._waiting.popleft())
+
+    def _is_free(self, t: float) -> bool:
+        """Whether a change can be taken up at time t; else it waits."""
+        return True
+
+    @abstractmethod
+    def checked(self, goal: Any) -> Place:
+        """Return a goal as it is kept. Raises InvalidArgumentError."""
+
+    @abstractmethod
+    def _redirect(self, t: float, goal: Place) -> None:
+        """Let the course go to a goal, from time t on [s]."""

@@ -1,0 +1,126 @@
+"""A store of energy out of which a law pays for what is not passive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from phcontrol._validation import number, positive
+from phcontrol.exceptions import InvalidArgumentError
+
+_KEPT = 0.9
+"""Of the damping's power, at most; the rest is lost, so that H_d + ½x_t² falls wherever the arm moves."""
+
+
+class TankFlow(NamedTuple):
+    """What the valves of a tank let through at one state."""
+
+    opening: float
+    """ω, between 0 and 1: the part of the action that acts."""
+    refill: float
+    """σ, between 0 and 0.9: the part of the damping's power that is kept."""
+    lost: float
+    """Power that leaks, and that a full tank lets off, ≥ 0 [W]."""
+    charge: float
+    """x_t [√J]."""
+    rate: float
+    """ẋ_t = (−ω P_a + σ P_d − lost)/x_t [√J/s]."""
+
+    def per_charge(self, power: float) -> float:
+        """Return a power over x_t; 0 of an empty tank, whose valves are closed."""
+        return power / self.charge if self.charge else 0.0
+
+
+@dataclass(frozen=True)
+class EnergyTank:
+    """A tank that holds ½x_t², gives what an action does to the arm, and is refilled by what the damping takes.
+
+        ẋ_t = (−ω aᵀv̂ + σ v̂ᵀΔv̂ − lost)/x_t
+
+    ω closes towards the lower bound, over ``ramp``, and so far that no more than ``largest_power`` flows out; σ closes
+    towards the upper one, where what an action takes out of the arm is let off too. A little leaks, down to the lower
+    bound, so that what is not used is forgotten in the end. So the level stays between the bounds: in continuous time
+    exactly, and with torques that are held for a period h as long as h·largest_power ≤ 0.88·ramp. Below the lower bound
+    (a state that no run reaches) the tank fills, and gives nothing.
+
+    As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
+    "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters
+    1(1), 2016.
+
+    Args:
+        initial: level at the start [J].
+        lowest: bound below which it never falls, above 0 [J].
+        highest: bound above which it is never filled [J].
+        ramp: over how much of the level valves open and close [J].
+        largest_power: that it gives [W].
+        leak: λ, the rate at which x_t fades [1/s].
+
+    Raises:
+        InvalidArgumentError: bounds that are swapped, a start that is not between them, ramps that meet.
+
+    Example:
+        >>> tank = EnergyTank(initial=1.0)
+        >>> flow = tank.flow(0.0, power=3.0, damping_power=0.5)
+        >>> flow.opening, round(flow.rate * flow.charge, 3)
+        (1.0, -2.5)
+    """
+
+    initial: float = 2.0
+    lowest: float = 0.02
+    highest: float = 5.0
+    ramp: float = 0.2
+    largest_power: float = 100.0
+    leak: float = 1e-5
+
+    def __post_init__(self) -> None:
+        for name in ("initial", "lowest", "highest", "ramp", "largest_power", "leak"):
+            object.__setattr__(self, name, positive(name, getattr(self, name)))
+        if self.lowest >= self.highest:
+            message = f"must be below highest, but they are {self.lowest:g} J and {self.highest:g} J: swapped?"
+            raise InvalidArgumentError("lowest", message)
+        if not self.lowest <= self.initial <= self.highest:
+            message = f"must be between lowest, {self.lowest:g} J, and highest, {self.highest:g} J"
+            raise InvalidArgumentError("initial", f"{message}, but is {self.initial:g} J")
+        if 2.0 * self.ramp > self.highest - self.lowest:
+            message = f"must be at most half of what lies between the bounds, but is {self.ramp:g} J"
+            raise InvalidArgumentError("ramp", message)
+
+    def charge(self, state: float) -> float:
+        """Return x_t = s + x_t(0) [√J]."""
+        return state + math.sqrt(2.0 * self.initial)
+
+    def level(self, state: float) -> float:
+        """Return ½x_t² [J]."""
+        return 0.5 * self.charge(state) ** 2
+
+    def state(self, level: float) -> float:
+        """Return the state s of a level [J]."""
+        return math.sqrt(2.0 * number("level", level, minimum=0.0)) - math.sqrt(2.0 * self.initial)
+
+    def flow(self, state: float, power: float, damping_power: float) -> TankFlow:
+        """Return what the valves let through.
+
+        Args:
+            state: s [√J].
+            power: P_a = aᵀv̂, what the whole action would give to the arm [W]; negative where it takes.
+            damping_power: P_d = v̂ᵀΔv̂ ≥ 0, what the damping takes [W].
+        """
+        charge = self.charge(state)
+        level = 0.5 * charge * charge
+        opening = _smooth((level - self.lowest) / self.ramp)
+        leak = 2.0 * self.leak * opening * level
+        if power > self.largest_power:
+            opening *= self.largest_power / power
+        fullness = _smooth((level - self.highest) / self.ramp + 1.0)
+        refill = _KEPT * (1.0 - fullness) * _smooth(level / self.lowest)
+        lost = leak + fullness * max(0.0, -opening * power)
+        rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
+        return TankFlow(opening, refill, lost, charge, rate)
+
+
+def _smooth(share: float) -> float:
+    """Return 3s² − 2s³ of a share s, held at 0 and 1."""
+    if share <= 0.0:
+        return 0.0
+    return 1.0 if share >= 1.0 else share * share * (3.0 - 2.0 * share)

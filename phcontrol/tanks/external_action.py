@@ -1,0 +1,49 @@
+"""Any function's torque, paid for by a tank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from numpy.typing import ArrayLike
+
+from phcontrol._validation import Array, number, vector
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.tanks.action import Action
+
+
+class ExternalAction(Action):
+    """The torque of a Python function: learned, planned elsewhere, or made up.
+
+    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills.
+
+    Args:
+        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``; it must depend on nothing else.
+        duration: how long it goes on changing with time [s]; 0 for a function that does not use t.
+
+    Raises:
+        InvalidArgumentError: the function cannot be called, or does not return n finite numbers.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ExternalAction, MechanicalSystem, load_robot
+        >>> stir = ExternalAction(lambda t, x: 0.5 * np.cos(x.position))
+        >>> stir.torque(0.0, MechanicalSystem(load_robot("pera_shoulder")).at([0.0, 0.0]))
+        array([0.5, 0.5])
+    """
+
+    def __init__(self, function: Callable[[float, MechanicalState], ArrayLike], *, duration: float = 0.0) -> None:
+        if not callable(function):
+            message = f"must be callable with time and state, but is {type(function).__name__}"
+            raise InvalidArgumentError("function", message)
+        self.function = function
+        self.duration = number("duration", duration, minimum=0.0)
+
+    def check(self, system: MechanicalSystem) -> None:
+        """Ask the function once, at the arm's home."""
+        self.torque(0.0, system.at(system.robot.home))
+
+    def torque(self, t: float, x: MechanicalState) -> Array:
+        """Return what the function returns, shape (n,) [N·m]."""
+        return vector("what the function of an ExternalAction returns", self.function(t, x), x.system.n)
