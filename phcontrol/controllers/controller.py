@@ -82,6 +82,8 @@ class Controller(Declared, ABC):
     """The law's name on the command line."""
     forms: ClassVar[tuple[str, ...]] = INTERCONNECTIONS
     """The choices of J̄₂ that the law knows."""
+    run: ClassVar[str] = "position"
+    """The run that the law belongs to, ``phcontrol run position`` or another: what it brings to its goal."""
     system: Plant = Plant(kw_only=False)
     interconnection: Parameter[str, str] = Parameter("J̄₂", default="coriolis", check=lambda name, value, system: value)
 

@@ -60,6 +60,8 @@ class VisualServo(Controller):
     A law that takes over again starts with a jump of torque; stability of the switched loop is not claimed.
     """
 
+    run = "servo"
+
     goal: Parameter[ArrayLike, Array] = Parameter(
         "τ_d", "m", check=lambda name, value, system: _features(value), tuned=lambda tuning: tuning.goal
     )
