@@ -105,10 +105,12 @@ from phcontrol.trajectories.slowed_path import SlowedPath
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
 from phcontrol.trajectories.tracking_transformation import TrackingTransformation
 from phcontrol.trajectories.trajectory import Reference, Trajectory
-from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.calibration_file import read_camera
+from phcontrol.vision.extraction import ColourDetector, extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.marker_detector import MarkerDetector
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from phcontrol.vision.rendered_view import RenderedView
@@ -126,6 +128,7 @@ __all__ = [
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
+    "ColourDetector",
     "Command",
     "CompliantBody",
     "ControlBox",
@@ -171,6 +174,7 @@ __all__ = [
     "LiveView",
     "Log",
     "LoopMode",
+    "MarkerDetector",
     "Matrix",
     "Measured",
     "MechanicalState",
@@ -251,6 +255,7 @@ __all__ = [
     "make_controller",
     "measured_l2_gain",
     "reach",
+    "read_camera",
     "read_frame_path",
     "record",
     "register",

@@ -65,7 +65,7 @@ def _add(group: typer.Typer, name: str, command: Callable[..., None], **texts: A
 _add(run_app, "position", position)
 _add(run_app, "track", track, short_help="Follow a trajectory with any arm, and certify the law that does it.")
 _add(run_app, "servo", servo)
-_RUNS = {"position": position, "servo": servo}
+_RUNS: dict[str, Callable[..., None]] = {"position": position, "servo": servo}
 for _name, _entry in CONTROLLERS.items():
     _add(
         run_app,

@@ -25,6 +25,7 @@ SIDES = ((95, 95, 95), (80, 80, 80), (70, 70, 70), (60, 60, 60), (50, 50, 50))
 """Colours of the other faces: grey, so that a pixel is as red as it is covered by the seen face."""
 _NEAR = 1e-3  # [m]: what is nearer than this is not drawn
 _SUBPIXEL_BITS = 6
+_SIDE_POINTS = 24  # along each side of a face, where a lens bends it
 _FINENESS, _FINE_PIXELS = 8, 4e6  # how much finer than the image the box is drawn, and how many fine pixels at most
 # corners as signs of (length, width) and 0 or 1 for depth; faces as rings of corners, seen from outside
 _CORNERS = np.array([(a, b, c) for c in (0.0, 1.0) for b in (-0.5, 0.5) for a in (-0.5, 0.5)])
@@ -62,11 +63,13 @@ class Renderer:
         cv = self._opencv
         image: Image = self._ground.copy()
         corners = self.corners(placement)
-        if corners[:, 2].min() > _NEAR:
-            pixels = self._project(corners)
+        if corners[:, 2].min() > _NEAR and self._can_show(corners):
             if generator is not None and self.corner_noise:
-                pixels = pixels + self.corner_noise * generator.standard_normal(pixels.shape)
-            self._draw(image, corners, pixels)
+                shaken = self._project(corners) + self.corner_noise * generator.standard_normal((8, 2))
+                plane = self.camera.from_image(shaken) / self.camera.focal_length
+                if np.isfinite(plane).all():  # else it is where the lens folds
+                    corners = np.column_stack([plane, np.ones(8)]) * corners[:, 2:]
+            self._draw(image, corners)
         if self.blur:
             image = cv.GaussianBlur(image, (0, 0), self.blur)
         if generator is not None and self.grey_noise:
@@ -76,10 +79,20 @@ class Renderer:
             image = cv.add(image, noise, dtype=cv.CV_8U)
         return image
 
-    def _draw(self, image: Image, corners: Array, pixels: Array) -> None:
+    def _can_show(self, corners: Array) -> bool:
+        """Whether the model of the lens holds for corners: far outside the image it folds back into it."""
+        if not self.camera.distortion:
+            return True
+        points = self.camera.focal_length * corners[:, :2] / corners[:, 2:]
+        again = self.camera.from_image(self.camera.to_image(points))
+        return bool(np.abs(again - points).max() < 1e-9)
+
+    def _draw(self, image: Image, corners: Array) -> None:
         """Draw the faces that are turned to the camera, several times finer than the image, and mix them in."""
         cv = self._opencv
         height, width = image.shape[:2]
+        rings = [self._project(self._ring(corners[list(face)])) for face in _FACES]
+        pixels = np.concatenate(rings)
         low = np.maximum(np.floor(pixels.min(axis=0)) - 1.0, 0.0)
         high = np.minimum(np.ceil(pixels.max(axis=0)) + 2.0, (width, height))
         if (high <= low).any():
@@ -89,17 +102,19 @@ class Renderer:
         fineness = int(np.clip(np.sqrt(_FINE_PIXELS / area), 1, _FINENESS))
         shape = (fineness * (bottom - top), fineness * (right - left))
         color, cover = np.zeros((*shape, 3), dtype=np.uint8), np.zeros(shape, dtype=np.uint8)
-        # a pixel's centre is at a whole number, a fine pixel's too: (x + ½)·fineness − ½
-        fine = (pixels - low + 0.5) * fineness - 0.5
         centre = corners.mean(axis=0)
         for order in reversed(range(len(_FACES))):  # the seen face last
             ring = corners[list(_FACES[order])]
             normal = np.cross(ring[1] - ring[0], ring[2] - ring[0])
             if normal.dot(ring[0] - centre) * normal.dot(ring[0]) < 0.0:  # its outer side is towards the camera
-                points = np.round(fine[list(_FACES[order])] * 2**_SUBPIXEL_BITS)
-                points = np.clip(points, -(2.0**30), 2.0**30).astype(np.int32)
-                cv.fillConvexPoly(color, points, FACE if order == 0 else SIDES[order - 1], cv.LINE_8, _SUBPIXEL_BITS)
-                cv.fillConvexPoly(cover, points, 255, cv.LINE_8, _SUBPIXEL_BITS)
+                # a pixel's centre is at a whole number, a fine pixel's too: (x + ½)·fineness − ½
+                fine = (rings[order] - low + 0.5) * fineness - 0.5
+                points = np.clip(np.round(fine * 2**_SUBPIXEL_BITS), -(2.0**30), 2.0**30).astype(np.int32)
+                for canvas, fill in ((color, FACE if order == 0 else SIDES[order - 1]), (cover, 255)):
+                    if self.camera.distortion:  # sides are bent, and may bend inwards
+                        cv.fillPoly(canvas, [points], fill, cv.LINE_8, _SUBPIXEL_BITS)
+                    else:
+                        cv.fillConvexPoly(canvas, points, fill, cv.LINE_8, _SUBPIXEL_BITS)
         size = (right - left, bottom - top)
         share = cv.resize(cover, size, interpolation=cv.INTER_AREA)[:, :, None] / 255.0
         part = image[top:bottom, left:right]
@@ -111,10 +126,14 @@ class Renderer:
         corners: Array = (in_world - placement.translation) @ placement.rotation
         return corners
 
+    def _ring(self, corners: Array) -> Array:
+        """Return points along the sides of a face, so many that a lens may bend them, shape (N, 3) [m]."""
+        if not self.camera.distortion:
+            return corners
+        shares = np.linspace(0.0, 1.0, _SIDE_POINTS, endpoint=False)[None, :, None]
+        along: Array = corners[:, None] * (1.0 - shares) + np.roll(corners, -1, axis=0)[:, None] * shares
+        return along.reshape(-1, 3)
+
     def _project(self, points: Array) -> Array:
         """Return columns and rows of points in the camera's frame, shape (N, 2) [pixels]."""
-        assert self.camera.image_size is not None
-        scale = self.camera.focal_length / self.camera.pixel_size
-        width, height = self.camera.image_size
-        pixels: Array = scale * points[:, :2] / points[:, 2:] + np.array([0.5 * (width - 1), 0.5 * (height - 1)])
-        return pixels
+        return self.camera.to_image(self.camera.focal_length * points[:, :2] / points[:, 2:])
