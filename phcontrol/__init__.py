@@ -10,6 +10,8 @@ from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.event_schedule import EventSchedule, HandOver, Phase, Switch
+from phcontrol.controllers.events import After, Event, Lost, Moment, Seen, Settled, Touched, When
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
@@ -122,6 +124,7 @@ __all__ = [
     "CONTROLLERS",
     "INTEGRATORS",
     "NOTHING",
+    "After",
     "ArmDriver",
     "Body",
     "CameraSensor",
@@ -140,6 +143,8 @@ __all__ = [
     "Disturbance",
     "EnergyShaping",
     "Equilibrium",
+    "Event",
+    "EventSchedule",
     "FeatureFlow",
     "FigureOfEight",
     "FilterStatus",
@@ -161,6 +166,7 @@ __all__ = [
     "GainBound",
     "GripperSpring",
     "HamiltonianServo",
+    "HandOver",
     "Holding",
     "ImpedanceGrasping",
     "IntegralAction",
@@ -174,6 +180,7 @@ __all__ = [
     "LiveView",
     "Log",
     "LoopMode",
+    "Lost",
     "MarkerDetector",
     "Matrix",
     "Measured",
@@ -181,6 +188,7 @@ __all__ = [
     "MechanicalSystem",
     "MinimumJerk",
     "MissingMeasurementError",
+    "Moment",
     "MomentumObserver",
     "NonFiniteTorqueError",
     "NonNegative",
@@ -190,6 +198,7 @@ __all__ = [
     "PacketFaults",
     "Parameter",
     "PassivePort",
+    "Phase",
     "PinholeCamera",
     "PointForce",
     "Pose",
@@ -215,6 +224,8 @@ __all__ = [
     "SampledFramePath",
     "SampledTrajectory",
     "Schedule",
+    "Seen",
+    "Settled",
     "Shaping",
     "SimulatedArm",
     "SimulationError",
@@ -227,9 +238,11 @@ __all__ = [
     "Step",
     "StorageCondition",
     "StribeckFriction",
+    "Switch",
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
+    "Touched",
     "TrackingTransformation",
     "Trajectory",
     "TrajectoryTracking",
@@ -237,6 +250,7 @@ __all__ = [
     "UnknownNameError",
     "UnreachableTargetError",
     "Vector",
+    "When",
     "Wrench",
     "__version__",
     "certify",

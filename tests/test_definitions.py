@@ -43,6 +43,8 @@ def test_what_a_class_of_ones_own_must_say_is_demanded(module):
 DEMANDED = {
     "controllers.controller": {"Controller": {"storage", "target"}},
     "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
+    "controllers.events": {"Event": {"holds"}, "_Sight": {"holds"}},
+    "controllers.law_sequence": {"LawSequence": {"acting"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},
     "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
     "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},

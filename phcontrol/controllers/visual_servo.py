@@ -112,6 +112,10 @@ class VisualServo(Controller):
         """Return the posture that the null space is held at; None where the features alone decide."""
         return self.posture if self._holds_posture else None
 
+    def desired_posture(self, t: float, state: Array) -> Array | None:
+        """Return None: the features decide where the arm goes, and q_r only what they leave free."""
+        return None
+
     # --- what a law of this kind states --------------------------------------------------------------
 
     @abstractmethod
