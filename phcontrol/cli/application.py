@@ -16,6 +16,7 @@ from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_law import law_command
+from phcontrol.cli.run_pick import pick
 from phcontrol.cli.run_position import position
 from phcontrol.cli.run_servo import servo
 from phcontrol.cli.run_study import study_command
@@ -65,6 +66,7 @@ def _add(group: typer.Typer, name: str, command: Callable[..., None], **texts: A
 _add(run_app, "position", position)
 _add(run_app, "track", track, short_help="Follow a trajectory with any arm, and certify the law that does it.")
 _add(run_app, "servo", servo)
+_add(run_app, "pick", pick, short_help="See an object, reach it, grasp it: 20 random poses, from rendered images.")
 _RUNS: dict[str, Callable[..., None]] = {"position": position, "servo": servo}
 for _name, _entry in CONTROLLERS.items():
     _add(

@@ -36,6 +36,8 @@ class HandOver(NamedTuple):
     """q, shape (n,) [rad]."""
     desired: Array
     """The posture that the last law desired, shape (n,) [rad]; q, where it desired none of the joints."""
+    features: Array
+    """Image features (μ, ν, l) that are measured, shape (3,) [m]; zeros where none are."""
 
 
 LawAtHandOver = Callable[[HandOver], Controller]
@@ -127,13 +129,13 @@ class EventSchedule(LawSequence):
         """Names of the phases, the stop last."""
         if len(set(self.names)) < len(self.names):
             raise InvalidArgumentError("phases", f"must have names of their own, but are {', '.join(self.names)}")
-        at_home = HandOver(system.robot.home, system.robot.home)
+        at_home = HandOver(system.robot.home, system.robot.home, np.zeros(3))
         self._sources = [self._source(index) for index in range(len(self._phases))]
         self._last_made: dict[int, tuple[bytes, Controller]] = {}
         examples = [_law(self._phases[source], at_home, system) for source in self._sources]
         most = max(len(phase.then) for phase in self._phases)
         self._handover = _HEAD + most
-        super().__init__(examples, {BOOK: self._handover + 2 * system.n})
+        super().__init__(examples, {BOOK: self._handover + 2 * system.n + 3})
         self._check_events()
 
     def acting(self, t: float, state: Array) -> Acting:
@@ -158,7 +160,7 @@ class EventSchedule(LawSequence):
         state[: self._handover] = _NEVER
         state[_PHASE] = 0.0
         state[_BEFORE:_HEAD] = 0.0
-        self._book_handover(state, HandOver(x.position, x.position))
+        self._book_handover(state, HandOver(x.position, x.position, np.zeros(3)))
         law = self._law_of(0, state)
         state[self._places[0]] = law.initial_state(x)
         return state
@@ -210,7 +212,7 @@ class EventSchedule(LawSequence):
         position = self.system.robot.random_position(generator)
         state[: self._handover] = _NEVER
         state[_PHASE] = generator.integers(len(self._phases))
-        self._book_handover(state, HandOver(position, position))
+        self._book_handover(state, HandOver(position, position, np.zeros(3)))
         return state
 
     # --- how it does that ---------------------------------------------------------------------------
@@ -228,7 +230,9 @@ class EventSchedule(LawSequence):
         after[_LAW_SINCE] = state[_LAW_SINCE] if goes_on else t
         if not goes_on:
             desired = leaving.law.desired_posture(t - leaving.start, own)
-            self._book_handover(after, HandOver(x.position, x.position if desired is None else desired))
+            self._book_handover(
+                after, HandOver(x.position, x.position if desired is None else desired, _seen(measured))
+            )
             if not isinstance(self._phases[index].law, Controller):
                 law, places = self._law_of(index, after), self._places[index]
                 after[places] = law.calmest_state(0.0, x, law.initial_state(x))
@@ -265,10 +269,10 @@ class EventSchedule(LawSequence):
         phase = self._phases[source]
         if isinstance(phase.law, Controller):
             return phase.law
-        kept = np.array(state[self._handover : self._handover + 2 * self.system.n])
+        kept = np.array(state[self._handover : self._handover + 2 * self.system.n + 3])
         key, known = kept.tobytes(), self._last_made.get(source)
         if known is None or known[0] != key:
-            law = _law(phase, HandOver(*kept.reshape(2, -1)), self.system)
+            law = _law(phase, HandOver(*np.split(kept, (self.system.n, 2 * self.system.n))), self.system)
             if law.state_parts != self.laws[index].state_parts:
                 raise InvalidArgumentError(
                     "law", f"made at hand-over of '{phase.name}' must have the same states everywhere"
@@ -277,7 +281,7 @@ class EventSchedule(LawSequence):
         return known[1]
 
     def _book_handover(self, state: Array, at: HandOver) -> None:
-        state[self._handover : self._handover + 2 * self.system.n] = np.concatenate(at)
+        state[self._handover : self._handover + 2 * self.system.n + 3] = np.concatenate(at)
 
     def _check_events(self) -> None:
         reached = {self.names[0], STOP}
@@ -301,6 +305,12 @@ class EventSchedule(LawSequence):
         lonely = set(self.names) - reached
         if lonely:
             raise InvalidArgumentError("phases", f"no event leads to {', '.join(sorted(lonely))}")
+
+
+def _seen(measured: Measured) -> Array:
+    """Return the measured features; zeros, of which a state can be made, where none are."""
+    features = measured.features
+    return np.zeros(3) if features is None or not np.isfinite(features).all() else features
 
 
 def _law(phase: Phase, at: HandOver, system: MechanicalSystem) -> Controller:

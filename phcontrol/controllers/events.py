@@ -123,7 +123,7 @@ class Touched(Event):
 
 
 class Settled(Event):
-    """The arm is nearly at rest, and where that is asked, near what its law desires.
+    """The arm is nearly at rest, its law leads it no more, and where that is asked, it is near what the law desires.
 
     Args:
         speed: largest |q̇_i| [rad/s].
@@ -149,7 +149,7 @@ class Settled(Event):
     def holds(self, moment: Moment) -> bool:
         """Return whether it is at rest there."""
         x, law = moment.x, moment.law
-        if np.abs(x.velocity).max() > self.speed:
+        if np.abs(x.velocity).max() > self.speed or moment.time < law.time_span - 1e-9:
             return False
         if self.features is not None:
             eyes = law.eyes

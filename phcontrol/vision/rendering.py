@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -26,10 +26,19 @@ SIDES = ((95, 95, 95), (80, 80, 80), (70, 70, 70), (60, 60, 60), (50, 50, 50))
 _NEAR = 1e-3  # [m]: what is nearer than this is not drawn
 _SUBPIXEL_BITS = 6
 _SIDE_POINTS = 24  # along each side of a face, where a lens bends it
+_PRINT_FINENESS = 4
 _FINENESS, _FINE_PIXELS = 8, 4e6  # how much finer than the image the box is drawn, and how many fine pixels at most
 # corners as signs of (length, width) and 0 or 1 for depth; faces as rings of corners, seen from outside
 _CORNERS = np.array([(a, b, c) for c in (0.0, 1.0) for b in (-0.5, 0.5) for a in (-0.5, 0.5)])
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+class Print(Protocol):
+    """What is printed on the face that is looked at, as :class:`MarkerPrint` is."""
+
+    def shades(self, directions: Array, corners: Array) -> Image:
+        """Return how bright the face with these corners (4, 3) [m] is along lines of sight (X, Y)/Z, (h, w, 2)."""
+        ...
 
 
 class Renderer:
@@ -40,11 +49,18 @@ class Renderer:
         blur: standard deviation of the lens's blur [pixels].
         corner_noise: by how much each corner of the box is displaced in each image, standard deviation [pixels]: what
             an uneven exposure, a rolling shutter or a shaking mount do.
+        printed: on the seen face, in place of its colour.
         grey_noise: of each pixel's each colour, standard deviation [of 255 levels].
     """
 
     def __init__(
-        self, scene: ObservedObject, *, blur: float = 1.0, corner_noise: float = 0.0, grey_noise: float = 0.0
+        self,
+        scene: ObservedObject,
+        *,
+        blur: float = 1.0,
+        corner_noise: float = 0.0,
+        grey_noise: float = 0.0,
+        printed: Print | None = None,
     ) -> None:
         if scene.camera.image_size is None:
             raise InvalidArgumentError("scene", "its camera has no pixels: give image_size and field_of_view")
@@ -53,7 +69,11 @@ class Renderer:
         self.blur = number("blur", blur, minimum=0.0)
         self.corner_noise = number("corner_noise", corner_noise, minimum=0.0)
         self.grey_noise = number("grey_noise", grey_noise, minimum=0.0)
+        self.printed = printed
         width, height = scene.camera.image_size
+        if printed is not None:
+            pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+            self._directions = (self.camera.from_image(pixels) / self.camera.focal_length).astype(np.float32)
         ground = np.linspace(190.0, 120.0, height)[:, None, None]
         self._ground = np.broadcast_to(ground, (height, width, 3)).astype(np.uint8)
         self._opencv: Any = load_opencv()
@@ -99,7 +119,8 @@ class Renderer:
             return
         left, top, right, bottom = (int(value) for value in (*low, *high))
         area = (right - left) * (bottom - top)
-        fineness = int(np.clip(np.sqrt(_FINE_PIXELS / area), 1, _FINENESS))
+        finest = _FINENESS if self.printed is None else _PRINT_FINENESS
+        fineness = int(np.clip(np.sqrt(_FINE_PIXELS / area), 1, finest))
         shape = (fineness * (bottom - top), fineness * (right - left))
         color, cover = np.zeros((*shape, 3), dtype=np.uint8), np.zeros(shape, dtype=np.uint8)
         centre = corners.mean(axis=0)
@@ -115,10 +136,22 @@ class Renderer:
                         cv.fillPoly(canvas, [points], fill, cv.LINE_8, _SUBPIXEL_BITS)
                     else:
                         cv.fillConvexPoly(canvas, points, fill, cv.LINE_8, _SUBPIXEL_BITS)
+                if order == 0 and self.printed is not None:
+                    self._print(color, points, ring, np.s_[top:bottom, left:right])
         size = (right - left, bottom - top)
         share = cv.resize(cover, size, interpolation=cv.INTER_AREA)[:, :, None] / 255.0
         part = image[top:bottom, left:right]
         part[:] = np.round(part * (1.0 - share) + cv.resize(color, size, interpolation=cv.INTER_AREA))
+
+    def _print(self, color: Image, outline: Array, corners: Array, window: tuple[slice, slice]) -> None:
+        """Draw what is printed on the seen face, within its outline."""
+        assert self.printed is not None
+        cv = self._opencv
+        directions = cv.resize(self._directions[window], color.shape[1::-1], interpolation=cv.INTER_LINEAR)
+        face = np.zeros(color.shape[:2], dtype=np.uint8)
+        cv.fillPoly(face, [outline], 255, cv.LINE_8, _SUBPIXEL_BITS)
+        inside = face > 0
+        color[inside] = self.printed.shades(directions, corners)[inside][:, None]
 
     def corners(self, placement: pin.SE3) -> Array:
         """Return the box's corners in the camera's frame, shape (8, 3) [m]; the first four are of the seen face."""

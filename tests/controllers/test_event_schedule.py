@@ -73,7 +73,7 @@ def test_what_is_desired_does_not_jump(shoulder, control_period):
     """A law that is led starts where the last one wanted the arm, or where the arm is; its clock starts then."""
     home = shoulder.robot.home
     schedule = EventSchedule([
-        Phase("push", ph.make_controller("energy_shaping", shoulder, goal=home, **GAINS), [(After(0.5), "reach")], within=9.0),
+        Phase("push", ph.EnergyShaping(shoulder, goal=home, **GAINS), [(After(0.5), "reach")], within=9.0),
         Phase("reach", reach_from(shoulder), [(Settled(0.01, position=0.01), "stay")], within=9.0),
         Phase("stay", "reach"),
     ])  # fmt: skip
