@@ -15,6 +15,8 @@ from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.energy_shaping import EnergyShaping
+from phcontrol.controllers.event_schedule import EventSchedule, HandOver, Phase, Switch
+from phcontrol.controllers.events import After, Event, Lost, Moment, Seen, Settled, Touched, When
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
@@ -126,10 +128,12 @@ from phcontrol.trajectories.slowed_path import SlowedPath
 from phcontrol.trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
 from phcontrol.trajectories.tracking_transformation import TrackingTransformation
 from phcontrol.trajectories.trajectory import Reference, Trajectory
-from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.calibration_file import read_camera
+from phcontrol.vision.extraction import ColourDetector, extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.interaction import interaction_matrix
+from phcontrol.vision.marker_detector import MarkerDetector
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from phcontrol.vision.rendered_view import RenderedView
@@ -142,6 +146,7 @@ __all__ = [
     "INTEGRATORS",
     "NOTHING",
     "Action",
+    "After",
     "ArmDriver",
     "Body",
     "CameraSensor",
@@ -151,6 +156,7 @@ __all__ = [
     "CartesianTracking",
     "Certificate",
     "ClassicalImpedance",
+    "ColourDetector",
     "Command",
     "CompilationError",
     "CompilationWarning",
@@ -166,6 +172,8 @@ __all__ = [
     "EnergyTank",
     "Equilibrium",
     "ExternalAction",
+    "Event",
+    "EventSchedule",
     "FeatureFlow",
     "FigureOfEight",
     "FilterStatus",
@@ -187,6 +195,7 @@ __all__ = [
     "GainBound",
     "GripperSpring",
     "HamiltonianServo",
+    "HandOver",
     "Holding",
     "ImpedanceGrasping",
     "IntegralAction",
@@ -203,12 +212,15 @@ __all__ = [
     "LiveView",
     "Log",
     "LoopMode",
+    "Lost",
+    "MarkerDetector",
     "Matrix",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
     "MinimumJerk",
     "MissingMeasurementError",
+    "Moment",
     "MomentumObserver",
     "NonFiniteTorqueError",
     "NonNegative",
@@ -220,6 +232,7 @@ __all__ = [
     "Parameter",
     "PassivePort",
     "PassivityCheck",
+    "Phase",
     "PinholeCamera",
     "PointForce",
     "Pose",
@@ -247,6 +260,8 @@ __all__ = [
     "SampledTrajectory",
     "Schedule",
     "Setpoint",
+    "Seen",
+    "Settled",
     "Shaping",
     "SimulatedArm",
     "SimulationError",
@@ -261,9 +276,11 @@ __all__ = [
     "StorageCondition",
     "StribeckFriction",
     "TankedLaw",
+    "Switch",
     "Target",
     "TorqueFilter",
     "TotalForceRejection",
+    "Touched",
     "TrackingTransformation",
     "Trajectory",
     "TrajectoryTracking",
@@ -272,6 +289,7 @@ __all__ = [
     "UnknownNameError",
     "UnreachableTargetError",
     "Vector",
+    "When",
     "Wrench",
     "__version__",
     "casimirs",
@@ -293,6 +311,7 @@ __all__ = [
     "make_controller",
     "measured_l2_gain",
     "reach",
+    "read_camera",
     "read_frame_path",
     "record",
     "register",

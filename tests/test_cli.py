@@ -434,7 +434,7 @@ def test_listings(command):
         (["run", "position", "--reach", "1,1,1", "--goal", "0"], "error: --reach: and --goal are two goals"),
         (
             ["run", "position", "--controller", "hamiltonian_servo"],
-            "error: controller: hamiltonian_servo steers by an image, not to a posture: use 'run servo'",
+            "error: controller: hamiltonian_servo does not steer to a posture: use 'run servo'",
         ),
         (["run", "servo", "--controller", "energy_shaping"], "error: unknown servo law 'energy_shaping'"),
         (["run", "servo", "--start", "a,b"], "error: --start: must be numbers like 0,0,0.002"),

@@ -44,6 +44,8 @@ DEMANDED = {
     "compilation.compiled_law": {"CompiledLaw": {"storage", "target"}},
     "controllers.controller": {"Controller": {"storage", "target"}},
     "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
+    "controllers.events": {"Event": {"holds"}, "_Sight": {"holds"}},
+    "controllers.law_sequence": {"LawSequence": {"acting"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},
     "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
     "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},

@@ -18,6 +18,7 @@ from phcontrol.cli.export import export
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_law import law_command
+from phcontrol.cli.run_pick import pick
 from phcontrol.cli.run_position import position
 from phcontrol.cli.run_servo import servo
 from phcontrol.cli.run_study import study_command
@@ -25,7 +26,6 @@ from phcontrol.cli.run_track import track
 from phcontrol.cli.view import view
 from phcontrol.controllers.own_laws import installed_laws, origin_of
 from phcontrol.controllers.registry import CONTROLLERS
-from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.thesis.registry import STUDIES
 
 app = typer.Typer(
@@ -68,11 +68,13 @@ def _add(group: typer.Typer, name: str, command: Callable[..., None], **texts: A
 _add(run_app, "position", position)
 _add(run_app, "track", track, short_help="Follow a trajectory with any arm, and certify the law that does it.")
 _add(run_app, "servo", servo)
+_add(run_app, "pick", pick, short_help="See an object, reach it, grasp it: 20 random poses, from rendered images.")
+_RUNS: dict[str, Callable[..., None]] = {"position": position, "servo": servo}
 for _name, _entry in CONTROLLERS.items():
     _add(
         run_app,
         _name,
-        law_command(_name, servo if issubclass(_entry.law, VisualServo) else position),
+        law_command(_name, _RUNS[_entry.law.run]),
         help=f"Run an arm under {_name}: {_entry.summary}.",
         short_help=f"law: {_entry.summary}",
     )

@@ -82,6 +82,10 @@ class Controller(Declared, ABC):
     """The law's name on the command line."""
     forms: ClassVar[tuple[str, ...]] = INTERCONNECTIONS
     """The choices of J̄₂ that the law knows."""
+    run: ClassVar[str] = "position"
+    """The run that the law belongs to, ``phcontrol run position`` or another: what it brings to its goal."""
+    jumps: ClassVar[bool] = False
+    """Whether the law's own state may jump (``jump``)."""
     system: Plant = Plant(kw_only=False)
     interconnection: Parameter[str, str] = Parameter("J̄₂", default="coriolis", check=lambda name, value, system: value)
 
@@ -227,6 +231,13 @@ class Controller(Declared, ABC):
         """Return the controller's state to start with: zero."""
         return np.zeros(self.state_size)
 
+    def jump(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return the law's own state after what happens at once at time t [s]: asked before each step of a loop.
+
+        The same for all laws but those that switch on events (``jumps``).
+        """
+        return state
+
     def random_state(self, generator: np.random.Generator) -> Array:
         """Draw a controller state, for checks at random states."""
         return generator.normal(size=self.state_size)
@@ -262,6 +273,13 @@ class Controller(Declared, ABC):
         """
         goal = np.asarray(getattr(self, "goal", None))
         return goal.astype(float) if goal.dtype.kind in "iuf" and goal.shape == (self.system.n,) else None
+
+    def desired_posture(self, t: float, state: Array) -> Array | None:
+        """Return the posture that the law desires at time t [s] in a state of its own, shape (n,) [rad]; None for none.
+
+        What a law that takes over can begin with, so that what is desired does not jump.
+        """
+        return self.target_posture(t)
 
     def rest_posture(self, t: float) -> Array:
         """Return the posture near which the law rests at time t [s], shape (n,) [rad]: its goal, or the arm's home."""

@@ -68,6 +68,11 @@ class RegulatedLaw(PositionLaw):
             return super().lacks_minimum
         return "stability in contact: it rests where the body it touches answers with f_d"
 
+    def desired_posture(self, t: float, state: Array) -> Array | None:
+        """Return q_f, as far as it has moved [rad]."""
+        posture = super().desired_posture(t, state)
+        return posture if posture is None or self.regulation is None else posture + state[-self.system.n :]
+
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return f_d, with regulation."""
         return None if self.regulation is None else self.regulation.force

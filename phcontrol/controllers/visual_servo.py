@@ -60,6 +60,8 @@ class VisualServo(Controller):
     A law that takes over again starts with a jump of torque; stability of the switched loop is not claimed.
     """
 
+    run = "servo"
+
     goal: Parameter[ArrayLike, Array] = Parameter(
         "τ_d", "m", check=lambda name, value, system: _features(value), tuned=lambda tuning: tuning.goal
     )
@@ -109,6 +111,10 @@ class VisualServo(Controller):
     def target_posture(self, t: float) -> Array | None:
         """Return the posture that the null space is held at; None where the features alone decide."""
         return self.posture if self._holds_posture else None
+
+    def desired_posture(self, t: float, state: Array) -> Array | None:
+        """Return None: the features decide where the arm goes, and q_r only what they leave free."""
+        return None
 
     # --- what a law of this kind states --------------------------------------------------------------
 

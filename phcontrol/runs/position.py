@@ -19,7 +19,6 @@ from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import find_law, make_controller
-from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
@@ -243,8 +242,9 @@ def run_position(
             overshoot it.
         simulation: passed on to ``simulate``.
     """
-    if issubclass(find_law(controller).law, VisualServo):
-        raise InvalidArgumentError("controller", f"{controller} steers by an image, not to a posture: use 'run servo'")
+    belongs_to = find_law(controller).law.run
+    if belongs_to != "position":
+        raise InvalidArgumentError("controller", f"{controller} does not steer to a posture: use 'run {belongs_to}'")
     posture = reachable_goal(system.robot) if goal is None else system.robot.position(goal)
     chosen = dict(options or {})
     if not step and _can_be_led(controller, chosen):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import positive, vector
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.registry import CONTROLLERS, find_law
-from phcontrol.controllers.visual_servo import FEATURE_GOAL, OBJECT_LENGTH, VisualServo
+from phcontrol.controllers.visual_servo import FEATURE_GOAL, OBJECT_LENGTH
 from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.position import PositionRun
@@ -79,8 +79,8 @@ def run_servo(
         simulation: passed on to ``simulate``.
     """
     law_type = find_law(controller).law
-    if not issubclass(law_type, VisualServo):
-        servos = [name for name, entry in CONTROLLERS.items() if issubclass(entry.law, VisualServo)]
+    if law_type.run != "servo":
+        servos = [name for name, entry in CONTROLLERS.items() if entry.law.run == "servo"]
         raise UnknownNameError("servo law", controller, servos)
     chosen = dict(options or {})
     camera = chosen.get("camera") or PinholeCamera()

@@ -277,7 +277,7 @@ class ControlLoop:
             part = _smooth(self._steps_in_mode * self.period, self.start_time)
             if part >= 1.0:
                 self._enter(LoopMode.RUNNING)
-        self._state = sampled.advance(self._state)
+        self._state = sampled.controller.jump(self._time, x, sampled.advance(self._state), measured)
         self._state.flags.writeable = False
         if part >= 1.0:
             return sampled.step(self._time, x, self._state, measured)

@@ -170,6 +170,8 @@ def simulate(
                 if sampled is not None and k % stride == 0:
                     y, torque = loop.sample(sampled, t, y, held.measured)
                     held = held._replace(torque=torque)
+                elif sampled is None and controller.jumps:
+                    y = loop.jump(t, y, held.measured)
                 found = loop.evaluate(t, y, held)
                 log.record(k, t, y, found)
                 if sampled is not None and torque_filter is not None:

@@ -150,14 +150,23 @@ class ClosedLoop:
         """Return y with the controller's state one period on, and the torque to be held from now on [N·m]."""
         states = slice(self._end, self._bodies_start)
         state = sampled.advance(y[states])
+        x = self.plant_state(y)
+        if measured is None:
+            measured = self._truth(t, x, y)
+        state = self.controller.jump(t, x.seen_by(self.model), state, measured)
         if state.size:
             y = y.copy()
             y[states] = state
-        x = self.plant_state(y)
-        if measured is None:
-            around = self.surroundings(t, x, y)
-            measured = self._total(x, around) if self._needs_total_force else around.truth
         return y, sampled.step(t, x.seen_by(self.model), state, measured)
+
+    def jump(self, t: float, y: Array, measured: Measured | None) -> Array:
+        """Return y after what happens at once to the controller's state."""
+        x = self.plant_state(y)
+        after: Array = y.copy()
+        states = slice(self._end, self._bodies_start)
+        shown = self._truth(t, x, y) if measured is None else measured
+        after[states] = self.controller.jump(t, x.seen_by(self.model), y[states], shown)
+        return after
 
     def plant_state(self, y: Array) -> MechanicalState:
         """Return the plant's state at y."""
@@ -205,6 +214,11 @@ class ClosedLoop:
         if self._limits is not None:
             torque = clipped(torque, *self._limits)
         return torque, state_rate
+
+    def _truth(self, t: float, x: MechanicalState, y: Array) -> Measured:
+        """Return what perfect sensors show."""
+        around = self.surroundings(t, x, y)
+        return self._total(x, around) if self._needs_total_force else around.truth
 
     def _total(self, x: MechanicalState, around: Surroundings) -> Measured:
         """Return the truth with the total force in it."""

@@ -30,6 +30,7 @@ class ObservedObject:
         size: length L, width and height (depth behind the seen face) [m].
         rotation: (3, 3), axes of the box in the world: x along the length, y along the width, z into the box.
             Without effect on the features.
+        length: L of what is looked for on it, a marker's side for instance [m]; by default the face's longer side.
     """
 
     state_size = 0
@@ -40,13 +41,15 @@ class ObservedObject:
         position: ArrayLike,
         size: ArrayLike = (0.038, 0.0072, 0.010),
         rotation: ArrayLike | None = None,
+        *,
+        length: float | None = None,
     ) -> None:
         self.camera = camera
         self.position = vector("position", position, 3)
         self.size = vector("size", size, 3)
         for side in self.size:
             positive("size", side)
-        self.length = float(self.size[0])
+        self.length = float(self.size[0]) if length is None else positive("length", length)
         self.rotation = np.eye(3) if rotation is None else check_rotation("rotation", rotation)
 
     @classmethod

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
-from phcontrol.vision.extraction import extract_features
+from phcontrol.vision.extraction import Detector, extract_features
 from phcontrol.vision.rendering import Renderer
 
 
@@ -15,11 +15,12 @@ class RenderedView:
 
     Args:
         renderer: draws the images.
+        detector: finds the object in them; by default by its colour, orange.
     """
 
-    def __init__(self, renderer: Renderer) -> None:
-        self.renderer = renderer
+    def __init__(self, renderer: Renderer, detector: Detector = extract_features) -> None:
+        self.renderer, self.detector = renderer, detector
 
     def __call__(self, placement: pin.SE3, generator: np.random.Generator) -> Array | None:
         """Return (μ, ν, l), shape (3,) [m], or None when no object is found."""
-        return extract_features(self.renderer.render(placement, generator), self.renderer.camera)
+        return self.detector(self.renderer.render(placement, generator), self.renderer.camera)

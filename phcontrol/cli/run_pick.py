@@ -1,0 +1,51 @@
+"""``phcontrol run pick``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli.options import PortOption, RecordOption, ViewOption
+from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
+from phcontrol.runs.pick import DURATION, run_pick
+from phcontrol.runs.pick_scene import FEATURES
+from phcontrol.vision.calibration_file import read_camera
+
+
+def pick(
+    objects: Annotated[int, typer.Option(min=1, help="How many objects, each at a random pose.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of the poses and of all noise.")] = 0,
+    camera: Annotated[
+        Path | None,
+        typer.Option(help="Calibration file of the camera (OpenCV's or ROS's YAML). Default: a wide one that bends."),
+    ] = None,
+    features: Annotated[str, typer.Option(help=f"By what the object is found: {' or '.join(FEATURES)}.")] = FEATURES[0],
+    duration: Annotated[float, typer.Option(help="Simulated time for each object [s].")] = DURATION,
+    samples: Annotated[int, typer.Option(min=0, help="States at which each law is certified; 0: not.")] = SAMPLES,
+    out: Annotated[Path, typer.Option(help="Folder for log, picture, picks and certificates.")] = Path("results/pick"),
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
+) -> None:
+    """See an object, reach it, grasp it: camera to force in one chain. Exit code 1 unless all are in view and held."""
+    check_writable(out, record)
+    with watching(Showing(view, record, port)) as watch:
+        result = run_pick(
+            objects=objects,
+            seed=seed,
+            duration=duration,
+            camera=None if camera is None else read_camera(camera),
+            features=features,
+            samples=samples,
+            watch=watch,
+        )
+        typer.echo(result.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
+        record_logs({"": result.log}, record)
+        if watch is not None:
+            watch.linger(result.log)
+    if not result.passed:
+        raise typer.Exit(1)
