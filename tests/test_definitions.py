@@ -42,7 +42,9 @@ def test_what_a_class_of_ones_own_must_say_is_demanded(module):
 
 DEMANDED = {
     "controllers.controller": {"Controller": {"storage", "target"}},
+    "controllers.damped_law": {"DampedLaw": {"joint_damping", "shaped"}},
     "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
+    "controllers.joint_damped_law": {"JointDampedLaw": {"shaped", "storage", "target"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},
     "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
     "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},
@@ -50,6 +52,7 @@ DEMANDED = {
     "potentials.potential": {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
     },
+    "tanks.action": {"Action": {"torque"}},
     "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},
     "environments.disturbances": {"Disturbance": {"__call__"}, "_Shaped": {"__call__"}},
 }
