@@ -43,9 +43,11 @@ def test_what_a_class_of_ones_own_must_say_is_demanded(module):
 DEMANDED = {
     "compilation.compiled_law": {"CompiledLaw": {"storage", "target"}},
     "controllers.controller": {"Controller": {"storage", "target"}},
+    "controllers.damped_law": {"DampedLaw": {"joint_damping", "shaped"}},
     "controllers.dynamic_extension": {"DynamicExtension": {"shaped"}},
     "controllers.events": {"Event": {"holds"}, "_Sight": {"holds"}},
     "controllers.law_sequence": {"LawSequence": {"acting"}},
+    "controllers.joint_damped_law": {"JointDampedLaw": {"shaped", "storage", "target"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},
     "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
     "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},
@@ -54,6 +56,7 @@ DEMANDED = {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
     },
     "setpoints.live_motion": {"LiveMotion": {"_redirect", "checked", "duration"}},
+    "tanks.action": {"Action": {"torque"}},
     "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},
     "environments.disturbances": {"Disturbance": {"__call__"}, "_Shaped": {"__call__"}},
 }

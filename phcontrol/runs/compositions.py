@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import choice
+from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
@@ -145,7 +146,7 @@ def compositions(
     springs, references = _each(POTENTIALS, place), _each(REFERENCES, place)
     for name in laws:
         law = CONTROLLERS[choice("controller", name, CONTROLLERS)].law
-        if not issubclass(law, ShapedLaw) or issubclass(law, TrajectoryTracking):
+        if not issubclass(law, ShapedLaw) or issubclass(law, (TrajectoryTracking, CartesianLaw)):
             continue
         for potential, moved_by in MOVED_BY.items():
             if potential != JOINT_SPRING and not takes_any_potential(law):

@@ -145,6 +145,7 @@ def simulate(
             "bodies": [body.record() for body in bodies],
             "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")},
             "sight": _sight(loop),
+            "tank": controller.tank_level(state) is not None,
             "wrench_frames": [wrench.frame for wrench in loop.wrenches],
             "dt": dt,
             "integrator": integrator,

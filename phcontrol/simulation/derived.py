@@ -119,6 +119,10 @@ def _contact_depths(sample: Sample) -> list[float]:
     return [body.displacement(part) for body, part in zip(sample.loop.bodies, sample.body_states, strict=True)]
 
 
+def _tank_level(sample: Sample) -> float | None:
+    return sample.loop.controller.tank_level(sample.arguments[2])
+
+
 def _wrench_forces(sample: Sample) -> list[Array] | None:
     return [wrench.world_force(sample.time, sample.x) for wrench in sample.loop.wrenches] or None
 
@@ -140,10 +144,11 @@ DERIVED: dict[str, Quantity] = {
     "contact_forces": Quantity("contact", (None,), lambda sample: [touch.magnitude for touch in sample.touches]),
     "contact_depths": Quantity("contact", (None,), _contact_depths),
     "goal": Quantity("goal", (JOINTS,), lambda sample: sample.loop.controller.target_posture(sample.time)),
+    "tank_level": Quantity("tank", (), _tank_level),
     "wrench_forces": Quantity("wrenches", (None, 3), _wrench_forces),
 }
 """Every quantity by its name: the properties of a log, its file and the browser's view take them from here."""
-OPTIONAL = ("goal", "wrench_forces")
+OPTIONAL = ("goal", "tank_level", "wrench_forces")
 """Those that a run need not have."""
 PARTS = frozenset(quantity.part for quantity in DERIVED.values())
 

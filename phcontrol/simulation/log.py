@@ -251,6 +251,11 @@ class Log:
         return self._derived("goal").get("goal")
 
     @property
+    def tank_level(self) -> Array | None:
+        """Energy in the law's tank, shape (N,) [J]; None for a law without one."""
+        return self._derived("tank").get("tank_level")
+
+    @property
     def wrench_forces(self) -> Array:
         """Force of each external wrench in the world's axes, shape (N, wrenches, 3) [N]."""
         return self._derived("wrenches").get("wrench_forces", np.zeros((len(self.time), 0, 3)))

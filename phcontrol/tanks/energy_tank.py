@@ -21,7 +21,7 @@ class TankFlow(NamedTuple):
     refill: float
     """σ, between 0 and 0.9: the part of the damping's power that is kept."""
     lost: float
-    """Power that leaks, and that a full tank lets off, ≥ 0 [W]."""
+    """Power that leaks and that is let off, ≥ 0 [W]."""
     charge: float
     """x_t [√J]."""
     rate: float
@@ -39,10 +39,10 @@ class EnergyTank:
         ẋ_t = (−ω aᵀv̂ + σ v̂ᵀΔv̂ − lost)/x_t
 
     ω closes towards the lower bound, over ``ramp``, and so far that no more than ``largest_power`` flows out; σ closes
-    towards the upper one, where what an action takes out of the arm is let off too. A little leaks, down to the lower
-    bound, so that what is not used is forgotten in the end. So the level stays between the bounds: in continuous time
-    exactly, and with torques that are held for a period h as long as h·largest_power ≤ 0.88·ramp. Below the lower bound
-    (a state that no run reaches) the tank fills, and gives nothing.
+    towards the upper one, where what an action takes out of the arm is let off too, as is all beyond ``largest_power``.
+    A little leaks, down to the lower bound, so that what is not used is forgotten in the end. So the level stays
+    between the bounds: in continuous time exactly, and with torques that are held for a period h as long as
+    h·largest_power ≤ 0.4·ramp. Below the lower bound (a state that no run reaches) the tank fills, and gives nothing.
 
     As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
     "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters
@@ -53,7 +53,7 @@ class EnergyTank:
         lowest: bound below which it never falls, above 0 [J].
         highest: bound above which it is never filled [J].
         ramp: over how much of the level valves open and close [J].
-        largest_power: that it gives [W].
+        largest_power: that it gives, and that it takes of the damping or of an action [W].
         leak: λ, the rate at which x_t fades [1/s].
 
     Raises:
@@ -69,7 +69,7 @@ class EnergyTank:
     initial: float = 2.0
     lowest: float = 0.02
     highest: float = 5.0
-    ramp: float = 0.2
+    ramp: float = 0.25
     largest_power: float = 100.0
     leak: float = 1e-5
 
@@ -114,7 +114,10 @@ class EnergyTank:
             opening *= self.largest_power / power
         fullness = _smooth((level - self.highest) / self.ramp + 1.0)
         refill = _KEPT * (1.0 - fullness) * _smooth(level / self.lowest)
-        lost = leak + fullness * max(0.0, -opening * power)
+        if refill * damping_power > self.largest_power:
+            refill = self.largest_power / damping_power
+        returned = max(0.0, -opening * power)
+        lost = leak + returned - (1.0 - fullness) * min(returned, self.largest_power)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
         return TankFlow(opening, refill, lost, charge, rate)
 

@@ -31,6 +31,7 @@ VALUES: tuple[dict[str, Any], ...] = (
     {"name": "supplied", "label": "supplied from outside", "unit": "W", "chart": 2, "color": "#cc79a7"},
     {"name": "motors", "label": "given by the motors", "unit": "W", "chart": 2, "color": "#7f7f7f"},
 )
+TANK_VALUE = {"name": "tank", "label": "energy in the tank", "unit": "J", "chart": 1, "color": "#e69f00"}
 CONTACT_VALUE = {"name": "contact", "label": "contact force", "unit": "N", "chart": 3, "color": "#b01515"}
 
 
@@ -47,6 +48,7 @@ class Stage:
         wrench_frames: where external wrenches act.
         sight: the camera, what it looks at and where that shall be in its image, as the log's metadata has it.
         largest_features: the largest features of the run, shape (3,) [m], for a camera whose image has no end.
+        tank: whether the law has an energy tank.
         goal: whether the law has a posture to go to, drawn as a ghost.
         title: of the page.
         confined: whether of the robot's meshes only those in its package directories are opened.
@@ -61,6 +63,7 @@ class Stage:
         wrench_frames: Sequence[str] = (),
         sight: Mapping[str, Any] | None = None,
         largest_features: Array | None = None,
+        tank: bool = False,
         goal: bool = False,
         title: str = "",
         confined: bool = False,
@@ -87,6 +90,8 @@ class Stage:
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
         joints_only = bool(self._contacts) and all(isinstance(contact, JointBody) for contact in self._contacts)
         self.values = [dict(value) for value in VALUES]
+        if tank:
+            self.values.append(dict(TANK_VALUE))
         if bodies:
             self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
 
@@ -122,6 +127,7 @@ class Stage:
             wrench_frames=metadata.get("wrench_frames", ()),
             sight=sight,
             largest_features=np.nan_to_num(np.abs(log.features[: len(log)])).max(axis=0) if sight else None,
+            tank=bool(metadata.get("tank")),
             goal=log.goal is not None if goal is None else goal,
             title=f"{arm.name} under {law}",
             confined=foreign and robot is None,
@@ -161,8 +167,8 @@ class Stage:
                 row["control_power"],
             )
         )
-        if len(self.values) > len(VALUES):
-            parts.append(row["contact_force"])
+        for value in self.values[len(VALUES) :]:
+            parts.append(row["tank_level" if value["name"] == "tank" else "contact_force"])
         parts.extend(here[self.trail].translation)
         if self.image is not None:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))

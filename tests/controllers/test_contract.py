@@ -95,11 +95,14 @@ def test_a_servo_that_holds_brakes(damping, rng):
     assert np.abs(seen.output - x.velocity).max() > 1e-3
 
 
-def test_laws_of_features_need_three_joints():
+def test_laws_of_features_need_three_joints_and_those_of_poses_six():
     servos = {"reduction_servo", "hamiltonian_servo"}
-    assert set(laws_for(make_system("pera_shoulder"))) == set(CONTROLLERS) - servos
-    assert set(laws_for(make_system("pera_gripper"))) == set(CONTROLLERS) - servos
-    assert laws_for(make_system("pera_shoulder_elbow")) == list(CONTROLLERS)
+    hands = {name for name in CONTROLLERS if name.startswith("cartesian_")}
+    assert len(hands) == 3
+    assert set(laws_for(make_system("pera_shoulder"))) == set(CONTROLLERS) - servos - hands
+    assert set(laws_for(make_system("pera_gripper"))) == set(CONTROLLERS) - servos - hands
+    assert set(laws_for(make_system("pera_shoulder_elbow"))) == set(CONTROLLERS) - hands
+    assert laws_for(make_system("pera")) == list(CONTROLLERS)
 
 
 def test_the_posture_that_a_law_goes_to():

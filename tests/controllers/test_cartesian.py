@@ -1,0 +1,350 @@
+"""Cartesian impedance and tracking: closed forms, step responses, singular postures, bad input."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import sqrtm
+
+from phcontrol import (
+    CartesianImpedance,
+    CartesianTracking,
+    EnergyShaping,
+    FigureOfEight,
+    FrameLine,
+    FrameSpring,
+    IntegralAction,
+    InvalidArgumentError,
+    MechanicalSystem,
+    MinimumJerk,
+    Pose,
+    SingleJointSpring,
+    Stiffness,
+    UnknownNameError,
+    Wrench,
+    certify,
+    make_controller,
+    simulate,
+)
+from phcontrol.controllers.shaping import EMPTY
+from tests.controllers.arms import arm
+
+ARMS = ("panda", "pera", "kinova", "z1", "ur5")
+LAWS = ("cartesian_impedance", "cartesian_impedance_with_tank", "cartesian_tracking")
+HAND = {"translational_stiffness": [600.0, 600.0, 200.0], "rotational_stiffness": 30.0}
+POSTURES = (
+    (0.4, -0.385, 0.4, -1.956, 0.4, 1.868, 0.385),
+    (0.0, -0.3, 0.0, -1.2, 0.0, 1.5, 0.7),
+    (0.8, 0.3, -0.5, -1.5, 0.6, 2.2, -0.4),
+)
+"""Of the panda."""
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return arm("panda")
+
+
+@pytest.fixture(scope="module")
+def free(panda):
+    """The panda without friction."""
+    return MechanicalSystem(panda.robot, friction=None)
+
+
+def pose(system, posture, frame=None):
+    placement = system.at(posture).placement(frame or system.hand_frame)
+    return Pose(np.array(placement.translation), np.array(placement.rotation))
+
+
+def deviation(system, goal, posture):
+    hand = system.at(posture).placement(system.hand_frame)
+    angle = pin.log3(goal.rotation.T @ hand.rotation)
+    return np.linalg.norm(hand.translation - goal.translation), np.linalg.norm(angle)
+
+
+# --- what it is ----------------------------------------------------------------------------------------------
+
+
+def test_torque_is_the_formula_written_out(panda, rng):
+    """Energy shaping about a FrameSpring, with D_x by the other double diagonalisation: Λ = QQᵀ, K = Q K₀ Qᵀ."""
+    goal, x = pose(panda, POSTURES[0]), panda.at(POSTURES[2], rng.normal(size=7))
+    law = CartesianImpedance(panda, goal=goal, damping_ratio=0.6, nullspace_damping=3.0, **HAND)
+    spring = FrameSpring(panda.hand_frame, goal, **HAND)
+    J, M = x.frame_jacobian(panda.hand_frame, "local_world_aligned"), x.mass_matrix
+    inertia = np.linalg.inv(J @ np.linalg.inv(M) @ J.T)
+    R = x.placement(panda.hand_frame).rotation
+    K = np.diag([600.0, 600.0, 200.0, 30.0, 30.0, 30.0])
+    K[3:, 3:] = R @ K[3:, 3:] @ R.T
+    half = np.linalg.cholesky(inertia)
+    K0, turn = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, K).T))
+    Q = half @ turn
+    damping = J.T @ (1.2 * Q * np.sqrt(K0)) @ Q.T @ J + 3.0 * (M - J.T @ inertia @ J)
+    expected = x.potential_gradient - spring.gradient(x) - damping @ x.velocity
+    np.testing.assert_allclose(law.evaluate(0.0, x, EMPTY).torque, expected, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(law.joint_damping(x), damping, atol=1e-10 * np.abs(damping).max())
+
+
+def test_all_modes_of_the_hand_have_the_damping_ratio(panda, rng):
+    """Of Λẍ + D_x ẋ + K x: s = −ζω ± …, at random postures."""
+    for _ in range(10):
+        x = panda.at(panda.robot.random_position(rng))
+        law = CartesianImpedance(panda, goal=pose(panda, x.position), damping_ratio=0.7, **HAND)
+        inertia, D = np.linalg.inv(x.task_space(panda.hand_frame).mobility), law.task_damping_matrix(x)
+        R = x.placement(panda.hand_frame).rotation
+        K = np.diag([600.0, 600.0, 200.0, 30.0, 30.0, 30.0])
+        K[3:, 3:] = R @ K[3:, 3:] @ R.T
+        A = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(inertia, K), -np.linalg.solve(inertia, D)]])
+        values = np.linalg.eigvals(A)
+        np.testing.assert_allclose(-values.real / np.abs(values), 0.7, atol=1e-6)
+        assert np.linalg.eigvalsh(D)[0] > 0.0
+        other = 0.7 * (sqrtm(inertia) @ sqrtm(K) + sqrtm(K) @ sqrtm(inertia))  # the formula in use elsewhere
+        assert np.abs(other.real - D).max() > 1e-3 * np.abs(D).max()
+
+
+def test_what_the_hand_does_not_feel_is_damped_and_nothing_else(panda, rng):
+    x = panda.at(POSTURES[0])
+    law = CartesianImpedance(panda, goal=pose(panda, POSTURES[0]), nullspace_damping=4.0, **HAND)
+    J = x.frame_jacobian(panda.hand_frame, "local_world_aligned")
+    self_motion = np.linalg.svd(J)[2][-1]
+    np.testing.assert_allclose(law.damping_force(x, self_motion), 4.0 * x.mass_matrix @ self_motion, atol=1e-9)
+    bare = law.changed(nullspace_damping=0.0)
+    moving = np.linalg.solve(x.mass_matrix, J.T @ rng.normal(size=6))  # across it in the metric of M
+    np.testing.assert_allclose(law.damping_force(x, moving), bare.damping_force(x, moving), atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["coriolis", "canonical"])
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("law", LAWS)
+def test_certificates(name, law, form):
+    certificate = certify(make_controller(law, arm(name), interconnection=form), samples=32)
+    assert certificate.verdict == ("PASSED AS DRIVEN" if law == "cartesian_tracking" else "PASSED"), str(certificate)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"axes": "tool", "translational_stiffness": [900.0, 300.0, 100.0]},
+        {"task_damping": [60.0, 60.0, 40.0, 5.0, 5.0, 5.0]},
+        {"wrench": [0.0, 3.0, -8.0, 0.2, 0.0, -0.1]},
+        {"rotational_stiffness": None, "nullspace_damping": 6.0},
+        {"posture": "spring"},
+        {"posture": "tank", "variation": Stiffness(lambda t: 300.0 + 100.0 * np.sin(5.0 * t), duration=1.3)},
+        {"translational_stiffness": [[500.0, 100.0, 0.0], [100.0, 400.0, 0.0], [0.0, 0.0, 300.0]]},
+    ],
+)
+def test_certificates_of_the_options(options):
+    certificate = certify(make_controller("cartesian_impedance", arm("kinova"), **options), samples=32)
+    assert certificate.verdict == "PASSED", str(certificate)
+
+
+class Undamped(CartesianImpedance):
+    """Promises a damping that its torque leaves out."""
+
+    def damping_force(self, x, velocity):
+        return 0.0 * velocity
+
+
+class Pulled(CartesianImpedance):
+    """Its torque has a tenth more of stiffness than its promise."""
+
+    def shape(self, t, x, state, measured):
+        law = super().shape(t, x, state, measured)
+        return law._replace(effort=law.effort - 0.1 * self.aim(t, x).gradient)
+
+
+@pytest.mark.parametrize("wrong", [Undamped, Pulled])
+def test_wrong_laws_fail(wrong):
+    assert not certify(wrong.tuned(arm("ur5")), samples=16).matching_passed
+
+
+# --- what it does --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("posture", POSTURES)
+def test_a_push_moves_the_hand_by_the_compliance(free, posture):
+    """10 N along each axis, K⁻¹F within 1 %."""
+    goal = pose(free, posture)
+    law = CartesianImpedance(free, goal=goal, preferred_posture=posture, **HAND)
+    for axis, stiffness in enumerate((600.0, 600.0, 200.0)):
+        push = 10.0 * np.eye(6)[axis]
+        log = simulate(free, law, q0=posture, duration=5.0, dt=2e-3, disturbance=Wrench(free.hand_frame, push))
+        moved = free.at(log.position[-1]).placement(free.hand_frame).translation - goal.translation
+        assert moved[axis] == pytest.approx(10.0 / stiffness, rel=0.01)
+        assert np.abs(np.delete(moved, axis)).max() < 2e-4
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("posture", POSTURES)
+def test_step_responses_have_the_damping_ratio(free, posture):
+    """Each mode pushed alone, lightly: the overshoot of its own coordinate says ζ."""
+    goal, x = pose(free, posture), free.at(posture)
+    law = CartesianImpedance(free, goal=goal, preferred_posture=posture, damping_ratio=0.7, **HAND)
+    root = np.zeros((6, 6))
+    root[:3, :3] = np.diag(np.sqrt([600.0, 600.0, 200.0]))
+    root[3:, 3:] = np.sqrt(30.0) * goal.rotation
+    squares, modes = np.linalg.eigh(root.T @ x.task_space(free.hand_frame).mobility @ root)
+    for square, mode in zip(squares, modes.T, strict=True):
+        push, frequency = 0.02 * root @ mode, np.sqrt(square)
+        log = simulate(
+            free, law, q0=posture, duration=2.5 * np.pi / frequency / 0.7, dt=min(1e-3, 0.02 / frequency),
+            disturbance=Wrench(free.hand_frame, push),
+        )  # fmt: skip
+        peak = 0.0
+        for position in log.position:
+            hand = free.at(position).placement(free.hand_frame)
+            error = np.r_[hand.translation - goal.translation, pin.log3(hand.rotation @ goal.rotation.T)]
+            peak = max(peak, float(mode @ root.T @ error))
+        overshoot = np.log(peak / 0.02 - 1.0)
+        assert -overshoot / np.hypot(np.pi, overshoot) == pytest.approx(0.7, abs=0.01)
+
+
+def test_a_wrench_is_exerted_beside_the_spring(panda):
+    """At rest the hand is displaced by K⁻¹F in free motion."""
+    goal = pose(panda, POSTURES[0])
+    law = CartesianImpedance(panda, goal=goal, wrench=[6.0, 0.0, -4.0, 0, 0, 0], **HAND)
+    rest = panda.at(law.rest_posture(0.0)).placement(panda.hand_frame).translation - goal.translation
+    np.testing.assert_allclose(rest, [0.01, 0.0, -0.02], atol=1e-9)
+
+
+@pytest.mark.study
+def test_it_crosses_singular_postures_within_the_torque_limits(panda):
+    """Commanded half a metre out of reach the arm stretches out, through σ = 10⁻³ and on."""
+    start = np.array(POSTURES[0])
+    here = pose(panda, start)
+    far = Pose(np.array([1.5, 0.3, 0.5]), here.rotation)
+    with pytest.warns(UserWarning, match="out of reach, by 0.6"):
+        law = CartesianImpedance(
+            panda, goal=far, translational_stiffness=45.0, rotational_stiffness=4.0, preferred_posture=start
+        )
+    log = simulate(panda, law, q0=start, duration=8.0, torque_limit=None)
+    distances = [panda.at(position).task_space(panda.hand_frame).singularity_distance for position in log.position]
+    assert min(distances) < 1e-4
+    assert (np.abs(log.torque) < panda.robot.effort_limit).all()
+    assert np.abs(np.diff(log.torque, axis=0)).max() < 1.0  # from one millisecond to the next [N·m]
+    assert np.diff(log.storage).max() <= 1e-12
+    assert deviation(panda, far, log.position[-1])[0] == pytest.approx(law.out_of_reach.distance, rel=1e-3)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("period", "bound"), [(None, 1e-9), (1e-3, 1e-4)])
+def test_tracking_of_a_figure_of_eight_with_a_turning_hand(panda, period, bound):
+    law = CartesianTracking.tuned(panda)
+    log = simulate(panda, law, q0=panda.robot.near_home(), duration=8.0, control_period=period)
+    errors = [
+        np.linalg.norm(
+            panda.at(log.position[k]).placement(panda.hand_frame).translation - law.path.at(log.time[k]).position
+        )
+        for k in range(6000, 8001, 25)
+    ]
+    assert max(errors) <= bound
+    turned = law.path.at(0.0).rotation.T @ law.path.at(0.25 * law.path.duration).rotation
+    assert np.linalg.norm(pin.log3(turned)) > 0.1
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "moving"), [("panda", False), ("ur5", True)])
+def test_an_unknown_load_leaves_no_error_of_the_task_with_integral_action(name, moving):
+    """5 N and 0.5 N·m on the hand; energy shaping about the same spring stays K⁻¹F away.
+
+    The self-motion of a redundant arm must be held: the integral would go on with it for ever.
+    """
+    system = arm(name)
+    start = system.robot.near_home()
+    goal = pose(system, start)
+    spring = FrameSpring(system.hand_frame, goal, translational_stiffness=300.0, rotational_stiffness=10.0)
+    options = {"potential": spring}
+    if system.n > 6:
+        options["potential"] = spring + SingleJointSpring(system.robot.joint_names[2], start[2], 20.0)
+    if moving:
+        options["reference"] = FigureOfEight(system.hand_frame, (goal.translation, goal.rotation), 0.06, 0.04, 6.0)
+    load = Wrench(system.hand_frame, [0.0, 3.0, -4.0, 0.0, 0.0, 0.5])
+    errors = {}
+    for kind, gains in ((EnergyShaping, {}), (IntegralAction, {"integral_compliance": 1.0})):
+        law = kind.tuned(system, **options, **gains)
+        log = simulate(
+            system, law, q0=start, duration=15.0 if moving else 40.0, dt=2e-3, disturbance=load, torque_limit=None
+        )
+        errors[kind] = max(
+            np.linalg.norm(
+                system.at(log.position[k]).placement(system.hand_frame).translation
+                - (options["reference"].at(log.time[k]).position if moving else goal.translation)
+            )
+            for k in range(len(log) - 500, len(log), 25)
+        )
+    assert errors[EnergyShaping] > 1e-2
+    assert errors[IntegralAction] < (1e-3 if moving else 1e-5)
+
+
+# --- what is refused -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"frame": "hnad"}, UnknownNameError, "hnad"),
+        ({"translational_stiffness": [600.0, -600.0, 200.0]}, InvalidArgumentError, "positive definite"),
+        ({"translational_stiffness": [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, InvalidArgumentError,
+         "smallest eigenvalue"),
+        ({"translational_stiffness": [600.0, 600.0, 200.0, 30.0, 30.0, 30.0]}, InvalidArgumentError,
+         "three numbers, but are six: give three each"),
+        ({"rotational_stiffness": [1.0, 2.0]}, InvalidArgumentError, "vector of length 3"),
+        ({"goal": np.diag([1.0, 1.0, 1.1, 1.0])}, InvalidArgumentError, "rotation matrix"),
+        ({"goal": [0.4, 0.0, 0.5]}, InvalidArgumentError, "must be a pose for a rotational_stiffness"),
+        ({"goal": None}, InvalidArgumentError, "must be given, or a reference"),
+        ({"damping_ratio": 0.0}, InvalidArgumentError, "damping_ratio"),
+        ({"damping_ratio": -0.7}, InvalidArgumentError, "damping_ratio"),
+        ({"task_damping": [1.0, 1.0, 1.0]}, InvalidArgumentError, "length 6"),
+        ({"task_damping": -1.0}, InvalidArgumentError, "positive definite"),
+        ({"nullspace_damping": -1.0}, InvalidArgumentError, "nullspace_damping"),
+        ({"axes": "hand"}, UnknownNameError, "tool"),
+        ({"posture": "springs"}, UnknownNameError, "spring"),
+        ({"posture": "tank"}, InvalidArgumentError, "preferred_posture"),
+        ({"posture": "tank", "preferred_posture": POSTURES[0]}, InvalidArgumentError, "posture_stiffness"),
+        ({"wrench": [1.0, 2.0, 3.0]}, InvalidArgumentError, "wrench"),
+        ({"variation": 300.0}, InvalidArgumentError, "a function of time"),
+        ({"rotational_stiffness": None, "wrench": [0, 0, 0, 1.0, 0, 0]}, InvalidArgumentError, "torque"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused(panda, options, error, message):
+    arguments = {"goal": pose(panda, POSTURES[0]), **HAND} | options
+    with pytest.raises(error, match=message):
+        CartesianImpedance(panda, **arguments)
+
+
+def test_paths_that_do_not_fit_are_refused(panda):
+    start, end = pose(panda, POSTURES[0]), pose(panda, POSTURES[1])
+    line = FrameLine(panda.hand_frame, start, end, 2.0)
+    point = FrameLine(panda.hand_frame, start.translation, end.translation, 2.0)
+    for options, message in (
+        ({"path": line, "frame": "panda_hand"}, "must be that of the path"),
+        ({"path": point, **HAND}, "leaves the orientation free"),
+        ({"path": line, "reference": line, **HAND}, "give path alone"),
+        ({"path": line, "axes": "tool", **HAND}, "goal at rest"),
+        ({"path": line, "posture": "spring", "preferred_posture": POSTURES[0], "posture_stiffness": 1.0, **HAND},
+         "use posture='tank'"),
+    ):  # fmt: skip
+        with pytest.raises(InvalidArgumentError, match=message):
+            CartesianTracking(panda, **({"translational_stiffness": 300.0} | options))
+    joints = MinimumJerk.within_limits(panda.robot, panda.robot.home, POSTURES[0])
+    with pytest.raises(InvalidArgumentError, match="path of a frame"):
+        CartesianImpedance(panda, reference=joints, **HAND)
+
+
+def test_a_goal_out_of_reach_says_by_how_much(panda):
+    """A point 3 m off along x from the shoulder's axis: what is left is 3 m less the length of the arm."""
+    with pytest.warns(UserWarning, match="out of reach, by") as caught:
+        law = CartesianImpedance(panda, goal=[3.0, 0.0, 0.333], translational_stiffness=100.0)
+    assert "as near as its spring lets it" in str(caught[0].message)
+    reach = 3.0 - law.out_of_reach.distance
+    rest = panda.at(law.rest_posture(0.0))
+    assert rest.task_space(panda.hand_frame, 3).singularity_distance < 1e-3  # stretched
+    assert np.linalg.norm(rest.placement(panda.hand_frame).translation - [0.0, 0.0, 0.333]) == pytest.approx(
+        reach, 1e-3
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        CartesianImpedance(panda, goal=pose(panda, POSTURES[2]), **HAND)

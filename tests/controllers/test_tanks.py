@@ -1,0 +1,306 @@
+"""Energy tanks: levels at random, what laws with a tank promise, and what the arm receives at most."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phcontrol import (
+    CartesianImpedance,
+    Controller,
+    EnergyTank,
+    ExternalAction,
+    ForceFeedback,
+    IntegralAction,
+    InvalidArgumentError,
+    MechanicalSystem,
+    Pose,
+    PostureAction,
+    Stiffness,
+    TankedLaw,
+    TrajectoryTracking,
+    Wrench,
+    certify,
+    load_robot,
+    simulate,
+    with_tank,
+)
+from tests.controllers.arms import arm
+
+
+def stir(t, x):
+    """A torque that puts energy in: along the velocity."""
+    return 2.0 * x.velocity + np.cos(3.0 * x.position)
+
+
+def swirl(t, x):
+    return 0.3 * np.sin(2.0 * t) * np.ones(x.system.n)
+
+
+@pytest.fixture(scope="module")
+def shoulder():
+    return MechanicalSystem(load_robot("pera_shoulder"))
+
+
+# --- the tank alone ------------------------------------------------------------------------------------------
+
+
+def test_ten_thousand_random_states_never_leave_the_bounds(rng):
+    """One held step of 1 ms from each, under powers up to 10⁴ W either way: never below the lowest level.
+
+    Never filled beyond the highest either: Euler's step of x_t itself adds ½ẋ_t²h².
+    """
+    tank, hold = EnergyTank(), 1e-3
+    for _ in range(10_000):
+        level = tank.lowest + (tank.highest - tank.lowest) * rng.choice([rng.random(), 10.0 ** rng.uniform(-9, 0)])
+        power = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-3, 4)
+        damping_power = rng.choice([0.0, 10.0 ** rng.uniform(-3, 2)])
+        state = tank.state(level)
+        flow = tank.flow(state, power, damping_power)
+        after = tank.level(state + hold * flow.rate)
+        assert after >= tank.lowest * (1.0 - 1e-12)
+        assert 0.0 <= flow.opening <= 1.0
+        assert flow.opening * power <= tank.largest_power * (1.0 + 1e-12)
+        assert flow.rate * flow.charge == pytest.approx(
+            flow.refill * damping_power - flow.opening * power - flow.lost, abs=1e-9 * max(1.0, abs(power))
+        )
+        if level >= tank.highest:
+            assert flow.rate <= 1e-12
+
+
+@pytest.mark.parametrize("start", [0.02, 0.3, 4.9])
+def test_levels_stay_between_the_bounds_for_a_thousand_steps(start, rng):
+    tank = EnergyTank()
+    state, levels = tank.state(start), []
+    for _ in range(1000):
+        state += 1e-3 * tank.flow(state, 200.0 * rng.normal(), 20.0 * rng.random()).rate
+        levels.append(tank.level(state))
+    assert min(levels) >= tank.lowest
+    assert max(levels) <= tank.highest + 5e-3
+
+
+def test_valves_open_and_close_smoothly():
+    """No jump of opening or refill on the way from an empty tank to a full one, nor of its rate at 0."""
+    tank = EnergyTank()
+    levels = np.linspace(0.0, 6.0, 60_001)
+    flows = [tank.flow(tank.state(level), 30.0, 5.0) for level in levels]
+    for values in ([flow.opening for flow in flows], [flow.refill for flow in flows]):
+        assert np.abs(np.diff(values)).max() < 0.01
+    assert flows[0].rate == 0.0
+    assert tank.flow(tank.state(tank.lowest), 30.0, 0.0).opening == 0.0
+    assert tank.flow(tank.state(tank.highest), 0.0, 5.0).refill == 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"lowest": 5.0, "highest": 0.02}, "swapped"),
+        ({"initial": 6.0}, "must be between lowest, 0.02 J, and highest, 5 J"),
+        ({"initial": 0.01}, "must be between"),
+        ({"lowest": 0.0}, "lowest"),
+        ({"ramp": 3.0}, "half"),
+        ({"largest_power": -1.0}, "largest_power"),
+        ({"initial": float("nan")}, "initial"),
+    ],
+)
+def test_bad_bounds_are_refused(options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        EnergyTank(**options)
+
+
+# --- laws with one -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", ["coriolis", "canonical"])
+@pytest.mark.parametrize("law", [ForceFeedback, IntegralAction, TrajectoryTracking])
+def test_any_law_pays_for_any_function(shoulder, law, form):
+    made = with_tank(law).tuned(shoulder, actions=ExternalAction(stir), interconnection=form)
+    certificate = certify(made, samples=64)
+    assert certificate.verdict == "PASSED", str(certificate)
+    assert "its tank starts with 2 J" in certificate.caveat
+
+
+def test_several_actions_and_time(shoulder):
+    actions = [ExternalAction(stir), ExternalAction(swirl, duration=np.pi)]
+    law = with_tank(ForceFeedback).tuned(shoulder, actions=actions)
+    assert certify(law, samples=64).verdict == "PASSED"
+    undeclared = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(swirl))
+    assert not certify(undeclared, samples=16).passed
+
+
+class Unpaid(TankedLaw, ForceFeedback):
+    """Takes the torque and does not pay."""
+
+    name = "unpaid"
+
+    def shape(self, t, x, state, measured):
+        law = super().shape(t, x, state, measured)
+        rate = np.array(law.state_rate)
+        rate[-1] = 0.0
+        return law._replace(state_rate=rate)
+
+
+class Greedy(TankedLaw, ForceFeedback):
+    """Keeps all of the damping and leaves it in R_d too."""
+
+    name = "greedy"
+
+    def joint_damping(self, x):
+        return 1.5 * super().joint_damping(x)
+
+
+@pytest.mark.parametrize("wrong", [Unpaid, Greedy])
+def test_laws_that_cheat_fail(shoulder, wrong):
+    assert not certify(wrong.tuned(shoulder, actions=ExternalAction(stir)), samples=32).passed
+
+
+def test_a_stirring_torque_gives_no_more_than_the_tank_holds(shoulder):
+    """Without friction, from rest at the goal: the law's own H_d never exceeds what the tank has given."""
+    free = MechanicalSystem(shoulder.robot, friction=None)
+    law = with_tank(ForceFeedback).tuned(free, actions=ExternalAction(lambda t, x: 60.0 * (x.velocity + 0.01)))
+    log = simulate(free, law, duration=4.0, q0=law.goal, dt=5e-4, torque_limit=None)
+    levels = np.array([law.tank_level(state) for state in log.controller_state])
+    own = log.storage - levels
+    assert levels.min() < 1.0  # it was used
+    assert levels.min() >= law.tank.lowest - 1e-9
+    assert own.max() > 0.1
+    assert log.storage.max() <= log.storage[0] + 1e-9
+    np.testing.assert_allclose(log.tank_level, levels)
+    assert np.isfinite(log.position).all()
+
+
+def test_a_law_without_actions_has_no_tank(shoulder):
+    law = with_tank(ForceFeedback).tuned(shoulder)
+    assert law.states == ("force",)
+    assert law.tank_level(np.zeros(2)) is None
+    log = simulate(shoulder, law, duration=0.01)
+    assert log.tank_level is None
+
+
+# --- posture, stiffness --------------------------------------------------------------------------------------
+
+
+def _held(mode):
+    system = arm("panda")
+    start = system.robot.near_home()
+    wished = start + np.array([0.3, -0.2, 0.4, 0.3, -0.3, 0.3, 0.4])
+    placement = system.at(start).placement(system.hand_frame)
+    goal = Pose(np.array(placement.translation), np.array(placement.rotation))
+    law = CartesianImpedance(
+        system, goal=goal, translational_stiffness=[600.0, 600.0, 200.0], rotational_stiffness=30.0, posture=mode,
+        preferred_posture=wished, posture_stiffness=10.0,
+    )  # fmt: skip
+    log = simulate(system, law, q0=start, duration=15.0, dt=2e-3)
+    hand = system.at(log.position[-1]).placement(system.hand_frame)
+    distance = np.linalg.norm(hand.translation - goal.translation)
+    angle = np.arccos(min(1.0, 0.5 * (np.trace(goal.rotation.T @ hand.rotation) - 1.0)))
+    return law, log, distance, angle, np.linalg.norm(log.position[-1] - wished), np.linalg.norm(start - wished)
+
+
+@pytest.mark.study
+def test_a_posture_paid_for_leaves_the_hand_alone():
+    """Where a spring on the joints pulls it off by centimetres, and says so."""
+    law, log, distance, angle, away, before = _held("tank")
+    assert distance <= 1e-5
+    assert angle <= 1e-5
+    assert away < before
+    assert log.storage.max() <= log.storage[0] + 1e-9
+    spring, _, distance, angle, _, _ = _held("spring")
+    assert distance > 0.02
+    assert angle > 0.1
+    assert spring.pull_off.distance == pytest.approx(distance, rel=1e-3)
+    assert f"{spring.pull_off.distance:.2g} m" in spring.caveat
+
+
+def test_a_posture_action_does_not_accelerate_the_hand(rng):
+    system = arm("panda")
+    x = system.at(system.robot.near_home())
+    action = PostureAction(system, system.hand_frame, system.robot.home, 10.0)
+    J, M = x.frame_jacobian(system.hand_frame, "local_world_aligned"), x.mass_matrix
+    inertia = np.linalg.inv(J @ np.linalg.solve(M, J.T))
+    N = np.eye(7) - np.linalg.solve(M, J.T @ inertia @ J)
+    expected = -N.T @ (10.0 * (x.position - system.robot.home))
+    np.testing.assert_allclose(action.torque(0.0, x), expected, atol=1e-10)
+    assert np.abs(J @ np.linalg.solve(M, action.torque(0.0, x))).max() < 1e-10
+    assert np.abs(expected).max() > 0.1
+
+
+class Varied(CartesianImpedance):
+    """A stiffness that varies and nobody pays for; H_d = ½|p̄|² + Ψ(t)."""
+
+    name = "varied"
+
+    def shape(self, t, x, state, measured):
+        law = super().shape(t, x, state, measured)
+        return law._replace(effort=law.effort + ACTIONS[0].torque(t, x))
+
+
+def varied(t):
+    """100 → 2000 → 100 N/m at 2 Hz."""
+    return 1050.0 - 950.0 * np.cos(4.0 * np.pi * t)
+
+
+ACTIONS: list = []
+
+
+@pytest.mark.study
+def test_stiffness_that_varies_while_pushed():
+    """Unpaid, the energy of spring and motion grows beyond what the push supplied; paid, H_d + tank never does."""
+    system = MechanicalSystem(arm("panda").robot, friction=None)
+    start = system.robot.near_home()
+    placement = system.at(start).placement(system.hand_frame)
+    goal = Pose(np.array(placement.translation), np.array(placement.rotation))
+    gains = {
+        "goal": goal, "translational_stiffness": 100.0, "rotational_stiffness": 30.0, "damping_ratio": 0.05,
+        "preferred_posture": start,
+    }  # fmt: skip
+    push = Wrench(system.hand_frame, [0.0, 0.0, -10.0, 0, 0, 0])
+    paid = CartesianImpedance(system, variation=Stiffness(varied, duration=0.5), **gains)
+    ACTIONS[:] = paid.paid
+    unpaid = Varied(system, **gains)
+
+    excess = {}
+    for law in (paid, unpaid):
+        log = simulate(system, law, q0=start, duration=4.0, disturbance=push, torque_limit=None)
+        energy = log.storage
+        if law is unpaid:
+            hands = np.array([system.at(q).placement(system.hand_frame).translation for q in log.position])
+            errors = ((hands - goal.translation) ** 2).sum(axis=1)
+            energy = energy + 0.5 * (varied(log.time) - 100.0) * errors
+        power = log.external_power
+        supplied = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(log.time))])
+        excess[law.name] = float((energy - energy[0] - supplied).max())
+    assert excess["varied"] > 0.1
+    assert excess["cartesian_impedance"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ExternalAction(3.0), "callable"),
+        (lambda: ExternalAction(stir, duration=-1.0), "duration"),
+        (lambda: Stiffness(duration=1.0), "nothing changes"),
+        (lambda: Stiffness(500.0, duration=1.0), "function of time"),
+        (lambda: Stiffness(lambda t: [1.0, 2.0], duration=1.0), "length 3"),
+        (lambda: Stiffness(lambda t: 500.0, duration=0.0), "duration"),
+        (lambda: with_tank(Controller.__mro__[-1]), "class of a law"),
+    ],
+)
+def test_bad_actions_are_refused(make, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"actions": 3.0}, "actions"),
+        ({"actions": [stir]}, "ExternalAction"),
+        ({"actions": ExternalAction(lambda t, x: [1.0, 2.0, 3.0])}, "shape"),
+        ({"actions": ExternalAction(lambda t, x: [np.nan, 2.0])}, "finite"),
+        ({"tank": 2.0}, "EnergyTank"),
+    ],
+)
+def test_laws_refuse_what_is_no_action_or_tank(shoulder, options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        with_tank(ForceFeedback).tuned(shoulder, **options)
