@@ -139,6 +139,16 @@ class ClosedLoop:
         solution: Array = lapack.dpotrs(factor, momentum, lower=1)[0]
         return solution
 
+    def energy(self, position: Array, momentum: Array) -> float:
+        """Return the arm's energy H(q, p) [J]."""
+        x = self._plant_state(self.plant, position, self.velocity(position, momentum))
+        return x.energy
+
+    def energy_slope(self, y: Array) -> tuple[Array, Array]:
+        """Return ∂H/∂q = ∂V/∂q − Cᵀq̇ at constant p [N·m], and D(q̇) [N·m·s/rad]."""
+        x = self.plant_state(y)
+        return x.potential_gradient - x.velocity.dot(x.coriolis_matrix), x.damping_matrix
+
     def torque(self, t: float, y: Array, held: Held = NOTHING_HELD) -> Array:
         """Return the applied torque, shape (n,) [N·m]."""
         if held.torque is not None:
@@ -231,6 +241,7 @@ class HeldLoop:
     def __init__(self, loop: ClosedLoop, held: Held) -> None:
         self._loop, self._held, self.n = loop, held, loop.n
         self.momentum, self.velocity = loop.momentum, loop.velocity
+        self.energy, self.energy_slope = loop.energy, loop.energy_slope
 
     def rate(self, t: float, y: Array) -> Array:
         """Return ẏ."""

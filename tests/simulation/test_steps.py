@@ -33,13 +33,20 @@ class Oscillator:
     def velocity(self, position, momentum):
         return momentum / self.mass
 
+    def energy(self, position, momentum):
+        return 0.5 * float(momentum @ momentum / self.mass + self.stiffness * position @ position)
+
+    def energy_slope(self, y):
+        return self.stiffness * y[:1], np.array([[self.damping]])
+
 
 def stepped(name, loop, y, dt):
     return INTEGRATORS[name].step(loop, 0.0, y, dt, loop.rate(0.0, y))
 
 
+@pytest.mark.parametrize("name", ["implicit_midpoint", "discrete_gradient"])
 @given(st.floats(0.1, 10.0), st.floats(0.0, 5.0), st.floats(0.1, 50.0), st.floats(0.01, 0.5), st.floats(-3.0, 4.0))
-def test_the_implicit_midpoint_rule_is_cayleys_map_whatever_the_stiffness_and_size(mass, damping, stiffness, dt, size):
+def test_implicit_steps_are_cayleys_map_whatever_the_stiffness_and_size(name, mass, damping, stiffness, dt, size):
     """(1 − ½hA)⁻¹(1 + ½hA)y, from steps that contract to those that do not, for small and for large numbers."""
     for stiff in (1.0, 1e3):
         loop = Oscillator(mass, damping, stiff * stiffness, 0.3)
@@ -47,7 +54,7 @@ def test_the_implicit_midpoint_rule_is_cayleys_map_whatever_the_stiffness_and_si
         half, one = 0.5 * dt * loop.matrix, np.eye(3)
         expected = np.linalg.solve(one - half, (one + half) @ y)
         scale = np.abs(expected).max() + 1.0
-        np.testing.assert_allclose(stepped("implicit_midpoint", loop, y, dt), expected, atol=1e-8 * scale)
+        np.testing.assert_allclose(stepped(name, loop, y, dt), expected, atol=1e-8 * scale)
 
 
 def test_a_step_without_a_solution_is_said_so():
@@ -94,6 +101,7 @@ def test_the_reach_of_stability_is_along_both_axes(name, reach):
         assert grows(name, 100.0, 1.01 * reach)
     else:
         assert grows(name, 0.0, 1.01 * reach)
-    assert np.isinf(INTEGRATORS["implicit_midpoint"].stability)
-    for ratio in (0.0, 0.5, 100.0):
-        assert not grows("implicit_midpoint", ratio, 100.0)
+    for implicit in ("implicit_midpoint", "discrete_gradient"):
+        assert np.isinf(INTEGRATORS[implicit].stability)
+        for ratio in (0.0, 0.5, 100.0):
+            assert not grows(implicit, ratio, 100.0)
