@@ -58,5 +58,8 @@ ADVICE: dict[str, str] = {
         "the linearised closed loop is not asymptotically stable: no damping in some direction, or an outer loop that "
         "is too fast for what it touches"
     ),
+    "largest real part when it is touched [1/s]": (
+        "what f_e drives goes against what it touches, and the linearised loop with a spring there is unstable"
+    ),
 }
 """By the line's name."""

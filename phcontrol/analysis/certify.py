@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,15 @@ from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error, starting_gain
 from phcontrol.analysis.promised import undetermined
 from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
-from phcontrol.analysis.rest_point import ENVIRONMENT_FREQUENCIES, MARGINAL, STABLE, UNSTABLE, RestPoint, find_rest
+from phcontrol.analysis.rest_point import (
+    ENVIRONMENT_FREQUENCIES,
+    MARGINAL,
+    STABLE,
+    TOUCH_FREQUENCIES,
+    UNSTABLE,
+    RestPoint,
+    find_rest,
+)
 from phcontrol.analysis.runs import balance_error, fine_motion, run_states
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
@@ -148,7 +157,7 @@ class _Examination:
             region=self._region(),
             checks=tuple(self._checks),
             stability=_stability(rests),
-            slowest=max((rest.slowest for rest in rests), default=math.inf),
+            slowest=max((rest.slowest for rest in rests if not rest.touched), default=math.inf),
             driven_by=law.driven_by,
             caveat=law.caveat,
             drive_power=self._brought,
@@ -285,6 +294,10 @@ class _Examination:
 
     def _at_rest(self, rest: RestPoint) -> Iterator[Check]:
         law = self._law.active(rest.time)
+        if rest.touched:
+            fastest = float((rest.eigenvalues.real - rest.uncertainty).max())
+            yield Check.at_most("largest real part when it is touched [1/s]", fastest, 0.0)
+            return
         place = f"t = {rest.time:.4g} s, q = {np.array2string(rest.position, precision=3, max_line_width=1000)}"
         yield Check.at_most("no rest near the goal", 0.0 if rest.found else 1.0, 0.0, place)
         yield Check.at_most("motion where it should rest", rest.unrest, MATCHING_TOLERANCE, place)
@@ -329,10 +342,15 @@ def _led_by_posture(law: Controller, time: float) -> bool:
     return bool(np.abs(here - beside).max() > 1e-9)
 
 
-def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple[float, ...]]:
-    """Return the arguments of ``find_rest`` beside law, plant and units: with a stiff and a soft spring in contact."""
-    in_contact = law.rest_force(plant.at(law.rest_posture(time))) is not None
-    return [(time, frequency) for frequency in ENVIRONMENT_FREQUENCIES] if in_contact else [(time,)]
+def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple[Any, ...]]:
+    """Return the arguments of ``find_rest`` beside law, plant and units: with a stiff and a soft spring in contact.
+
+    A law that f_e may drive is touched too: what drives it is then fed back by what it touches.
+    """
+    if law.rest_force(plant.at(law.rest_posture(time))) is not None:
+        return [(time, frequency) for frequency in ENVIRONMENT_FREQUENCIES]
+    touches = TOUCH_FREQUENCIES if law.driven_by and not {"external_force", "total_force"}.isdisjoint(law.needs) else ()
+    return [(time,), *((time, frequency, True) for frequency in touches)]
 
 
 def _largest(states: list[SampledState], values: list[float], lowest: float = 0.0) -> Worst:
@@ -341,7 +359,7 @@ def _largest(states: list[SampledState], values: list[float], lowest: float = 0.
 
 def _stability(rests: list[RestPoint]) -> str:
     """Return the worst that was found, and in what environment."""
-    found = {rest.stability for rest in rests}
+    found = {rest.stability for rest in rests if not rest.touched}
     worst = next((name for name in (UNSTABLE, MARGINAL, STABLE) if name in found), "unknown")
     stiff, soft = ENVIRONMENT_FREQUENCIES
     touched = f", on springs that give each joint {stiff:g} and {soft:g} rad/s"

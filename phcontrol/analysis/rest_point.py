@@ -29,6 +29,9 @@ _DIRECTIONS, _PROBE = 3, 0.01  # in which and how far away that is looked at
 ENVIRONMENT_FREQUENCIES = (4.0, 0.5)
 """Of each joint on the springs that it touches where a force-controlled law rests [rad/s]."""
 
+TOUCH_FREQUENCIES = (0.5, 4.0, 100.0)
+"""Likewise, where a law rests freely and f_e drives it: something may touch it [rad/s]."""
+
 STABLE, MARGINAL, UNSTABLE = "asymptotically stable", "marginal", "unstable"
 
 
@@ -44,6 +47,8 @@ class RestPoint:
     """The external force there: 0, or what a force-controlled law desires [N·m]."""
     in_contact: bool
     """Whether an elastic environment exerts it."""
+    touched: bool
+    """Whether one is there though it exerts nothing there."""
     found: bool
     """Whether ∇H_d (or, in an environment, the rate) vanishes near the law's own goal."""
     unrest: float
@@ -76,21 +81,29 @@ def find_rest(
     units: NaturalUnits,
     time: float,
     frequency: float = ENVIRONMENT_FREQUENCIES[0],
+    touched: bool = False,
 ) -> RestPoint:
     """Find the law's rest point from its rest posture, and linearise the true closed loop about it.
 
     Where a law rests in free motion (or with its reference) that is where ∇H_d = 0. A law that rests under a force
     (``Controller.rest_force``) is given an elastic environment that exerts it at the rest posture, a spring that
     gives each joint a natural frequency [rad/s], and rests where the closed loop's rate is 0, or its reference's.
+    ``touched`` gives it to a law that rests in free motion too: it is at ease at the rest posture.
     """
-    return _Neighbourhood(law, plant, units, time, frequency).rest()
+    return _Neighbourhood(law, plant, units, time, frequency, touched).rest()
 
 
 class _Neighbourhood:
     """The closed loop as a function of y = (q, q̇, controller state) at one time."""
 
     def __init__(
-        self, law: Controller, plant: MechanicalSystem, units: NaturalUnits, time: float, frequency: float
+        self,
+        law: Controller,
+        plant: MechanicalSystem,
+        units: NaturalUnits,
+        time: float,
+        frequency: float,
+        touched: bool,
     ) -> None:
         self._law, self._plant, self._time, self._n = law, plant, time, plant.n
         posture = np.array(law.rest_posture(time))
@@ -99,7 +112,8 @@ class _Neighbourhood:
         self._posture = posture
         self._rest_force = np.zeros(self._n) if desired is None else desired
         inertia = np.diag(x.mass_matrix)
-        self._spring: Array | None = None if desired is None else np.diag(frequency**2 * inertia)
+        self._free = desired is None
+        self._spring: Array | None = None if self._free and not touched else np.diag(frequency**2 * inertia)
         surface = None if desired is None else law.contact_stiffness(x)
         if self._spring is not None and surface is not None:
             self._spring = self._spring + surface
@@ -108,7 +122,7 @@ class _Neighbourhood:
         self._start = np.concatenate([posture, np.zeros(self._n), law.initial_state(x)])
 
     def rest(self) -> RestPoint:
-        free = self._spring is None
+        free = self._free
         y, found = self._root(self._gradient if free else self._drift)
         self._bent = False
         if free and not found:  # coordinates that are more than they need: ∇H_d is zero only along what moves
@@ -120,8 +134,8 @@ class _Neighbourhood:
         values, uncertainty = _spectrum(*self._linearised(y))
         curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
         return RestPoint(
-            self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free, found, unrest, curvature,
-            values, uncertainty,
+            self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free,
+            free and self._spring is not None, found, unrest, curvature, values, uncertainty,
         )  # fmt: skip
 
     # --- what is looked at ------------------------------------------------------------------------------

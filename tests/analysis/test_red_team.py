@@ -453,6 +453,49 @@ def test_it_does_not_pass_any_more(law):
     assert certificate.error if CASES[law] == "error" else not certificate[CASES[law]].passed, str(certificate)
 
 
+class DrivenByTouch(EnergyShaping):
+    """p̂ = p̄ − z/2 with ż = −z + gain·f_e, declared as what it is: it pushes at what it touches, or gives way to it."""
+
+    needs = ("external_force",)
+    states = ("lag",)
+    driven_by = "f_e"
+    gain = -40.0
+
+    def _felt(self, x, measured):
+        return None
+
+    def storage(self, t, x, state, measured=NOTHING):
+        momentum, error = x.transformed_momentum - 0.5 * state, x.position_error(self.goal)
+        return float(0.5 * (momentum @ momentum + error @ self.stiffness @ error + state @ state))
+
+    def target(self, t, x, state, measured=NOTHING):
+        momentum, error = x.transformed_momentum - 0.5 * state, x.position_error(self.goal)
+        n, inverse, structure = x.system.n, x.inverse_factor, x.interconnection(self.interconnection)
+        drag = x.transformed_damping
+        force = np.zeros(n) if measured.external_force is None else measured.external_force
+        return Target.of(
+            {"error": (error, self.stiffness @ error), "momentum": (momentum, momentum), "lag": (state, state)},
+            {("error", "momentum"): inverse.T, ("error", "lag"): 0.5 * inverse.T, ("momentum", "momentum"): structure,
+             ("momentum", "lag"): 0.5 * structure, ("lag", "lag"): 0.25 * structure},
+            {("momentum", "momentum"): drag + x.transformed_injection(self.damping), ("momentum", "lag"): 0.5 * drag,
+             ("lag", "lag"): 0.25 * drag + np.eye(n)},
+            {"momentum": inverse},
+            ({"lag": self.gain * np.eye(n)}, force),
+        )  # fmt: skip
+
+    shape, passive_port = Controller.shape, Controller.passive_port
+
+
+def test_what_f_e_drives_is_asked_what_it_does_to_what_it_touches():
+    """In free motion it is stable, and so is the loop with a soft spring; with a stiff one it is not, or if it yields."""
+    plant = make_system("pera_shoulder")
+    certificate = certify(DrivenByTouch.tuned(plant), samples=64)
+    line = "largest real part when it is touched [1/s]"
+    assert [check.name for check in certificate.checks if not check.passed] == [line]
+    yielding = type("Yielding", (DrivenByTouch,), {"gain": 5.0})
+    assert certify(yielding.tuned(plant), samples=64).verdict == "PASSED AS DRIVEN"
+
+
 def test_a_schedule_must_hold_what_its_law_does_not_use():
     """ξ winds up while the first law acts, which does not know it."""
 
