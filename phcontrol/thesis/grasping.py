@@ -251,8 +251,8 @@ GROWS = (
 )
 NOT_FELT = "it cancels the f_e that it measures: it presses on, whatever the body answers (R1), or never touches (R2)"
 OUT_OF_ORDER = (
-    f"{NOT_FELT}. Up to contact (4.60) and (4.61) are one law and hit the body equally fast; then (4.61) does not feel it "
-    "and presses deeper, so that on no body its impact can be the lower one, as is printed"
+    f"{NOT_FELT}. Up to contact (4.60) and (4.61) are one law and hit the body equally fast; then (4.61) does not feel "
+    "it and presses deeper, so that on no body its impact can be the lower one, as is printed"
 )
 
 
