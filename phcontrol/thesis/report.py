@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
@@ -108,8 +109,9 @@ def _sections(studies: Sequence[Mapping[str, Any]]) -> Iterable[str]:
 
 def _study(study: Mapping[str, Any]) -> Iterable[str]:
     name = escape(study["study"])
+    title = re.sub(r" \(thesis figure [0-9.]+\)", "", study["title"]) if name.startswith("fig-") else study["title"]
     number = f"Figure {name[4:].replace('-', '.')}: " if name.startswith("fig-") else ""
-    yield f'<section class="study" id="{name}"><h3>{number}{escape(study["title"])}</h3><div class="beside">'
+    yield f'<section class="study" id="{name}"><h3>{number}{escape(title)}</h3><div class="beside">'
     yield '<div class="figures">'
     for figure in study["figures"]:
         source = f"{name}/{escape(figure)}.png"
