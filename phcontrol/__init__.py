@@ -4,6 +4,7 @@ from phcontrol._version import __version__
 from phcontrol.analysis.casimirs import CasimirCheck, casimirs
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import certify
+from phcontrol.analysis.detectability import InvariantSet, invariant_set
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
@@ -170,6 +171,7 @@ __all__ = [
     "ImpedanceGrasping",
     "IntegralAction",
     "InvalidArgumentError",
+    "InvariantSet",
     "JointContact",
     "JointForce",
     "JointSpring",
@@ -258,6 +260,7 @@ __all__ = [
     "force_control_conditions",
     "goal_posture",
     "interaction_matrix",
+    "invariant_set",
     "l2_gain",
     "load_robot",
     "make_controller",
