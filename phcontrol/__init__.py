@@ -16,7 +16,7 @@ from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
-from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
+from phcontrol.controllers.impedance_grasping import ImpedanceGrasping, RestLengthPort
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.law_error import LawError
 from phcontrol.controllers.parameters import (
@@ -37,6 +37,7 @@ from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
+from phcontrol.controllers.virtual_position import VirtualPosition, virtual_position
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -214,6 +215,7 @@ __all__ = [
     "RenderedView",
     "Renderer",
     "ResolvedMotion",
+    "RestLengthPort",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
@@ -245,6 +247,7 @@ __all__ = [
     "UnknownNameError",
     "UnreachableTargetError",
     "Vector",
+    "VirtualPosition",
     "Wrench",
     "__version__",
     "casimirs",
@@ -272,5 +275,6 @@ __all__ = [
     "resolved_motion",
     "simulate",
     "transformed_system",
+    "virtual_position",
     "within_limits",
 ]
