@@ -8,6 +8,7 @@ from phcontrol.analysis.detectability import InvariantSet, invariant_set
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.controllers.classical_force import ClassicalForceControl
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
@@ -135,6 +136,7 @@ __all__ = [
     "CanonicalCheck",
     "CasimirCheck",
     "Certificate",
+    "ClassicalForceControl",
     "ClassicalImpedance",
     "Command",
     "CompliantBody",
