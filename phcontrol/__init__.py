@@ -4,6 +4,7 @@ from phcontrol._version import __version__
 from phcontrol.analysis.casimirs import CasimirCheck, casimirs
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import certify
+from phcontrol.analysis.detectability import InvariantSet, invariant_set
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
@@ -11,6 +12,7 @@ from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from phcontrol.controllers.cartesian_impedance import CartesianImpedance
 from phcontrol.controllers.cartesian_tracking import CartesianTracking
+from phcontrol.controllers.classical_force import ClassicalForceControl
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
@@ -21,7 +23,7 @@ from phcontrol.controllers.force_control import ForceControl
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.hamiltonian_servo import HamiltonianServo
-from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
+from phcontrol.controllers.impedance_grasping import ImpedanceGrasping, RestLengthPort
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.law_error import LawError
 from phcontrol.controllers.parameters import (
@@ -43,6 +45,7 @@ from phcontrol.controllers.tanked_law import TankedLaw, with_tank
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
+from phcontrol.controllers.virtual_position import VirtualPosition, virtual_position
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
@@ -155,6 +158,7 @@ __all__ = [
     "CartesianTracking",
     "CasimirCheck",
     "Certificate",
+    "ClassicalForceControl",
     "ClassicalImpedance",
     "ColourDetector",
     "Command",
@@ -200,6 +204,7 @@ __all__ = [
     "ImpedanceGrasping",
     "IntegralAction",
     "InvalidArgumentError",
+    "InvariantSet",
     "JointContact",
     "JointForce",
     "JointSpring",
@@ -251,6 +256,7 @@ __all__ = [
     "RenderedView",
     "Renderer",
     "ResolvedMotion",
+    "RestLengthPort",
     "RigidBody",
     "Robot",
     "RobotDescriptionError",
@@ -290,6 +296,7 @@ __all__ = [
     "UnreachableTargetError",
     "Vector",
     "When",
+    "VirtualPosition",
     "Wrench",
     "__version__",
     "casimirs",
@@ -306,6 +313,7 @@ __all__ = [
     "force_control_conditions",
     "goal_posture",
     "interaction_matrix",
+    "invariant_set",
     "l2_gain",
     "load_robot",
     "make_controller",
@@ -319,5 +327,6 @@ __all__ = [
     "simulate",
     "transformed_system",
     "with_tank",
+    "virtual_position",
     "within_limits",
 ]

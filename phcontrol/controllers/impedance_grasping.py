@@ -34,6 +34,20 @@ class _Stretched(NamedTuple):
     """T⁻ᵀp̂ = v_e + K_p e [rad/s]."""
 
 
+class RestLengthPort(NamedTuple):
+    """The port (u_rl, y_rl) of the virtual spring (4.45), (4.46): y_rlᵀu_rl is the power into it by its rest length."""
+
+    rate: Array
+    """u_rl = q̇_rl, shape (n,) [rad/s]."""
+    force: Array
+    """y_rl = ∂H_c/∂q_rl = K_rl q_rl − K_p e, shape (n,) [N·m] (errata E15, E39)."""
+
+    @property
+    def power(self) -> float:
+        """y_rlᵀu_rl [W]: with the power (K_p e)ᵀv_e that the arm's motion brings it makes up Ḣ_c."""
+        return float(self.force.dot(self.rate))
+
+
 class ImpedanceGrasping(RegulatedLaw):
     """Close on a virtual position q_f with a spring whose rest length gives way.
 
@@ -118,6 +132,12 @@ class ImpedanceGrasping(RegulatedLaw):
         injected = x.injected_damping(self.damping, at.adapted)
         losses = at.force.dot(at.force) + yielding.dot(yielding)
         return PassivePort.of(x, at.adapted, injected, at.adapted, losses)
+
+    def rest_length_port(self, t: float, x: MechanicalState, state: Array) -> RestLengthPort:
+        """Return the port by which the rest length gives way, with H_c = ½eᵀK_p e + ½q_rlᵀK_rl q_rl (4.38)."""
+        at = self._stretched(t, x, state)
+        rate = at.force - x.input_matrix.T.dot(at.adapted) - at.rest_force
+        return RestLengthPort(rate, at.rest_force - at.force)
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return the rest length where ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl is smallest."""

@@ -167,6 +167,25 @@ def test_e15_the_rest_length_follows_the_spring():
     assert np.abs(K_P @ (error - rest) + K_RL @ rest - slope).max() > 0.5
 
 
+def test_e39_the_port_of_the_rest_length_carries_power():
+    """(4.46): y_rl = ∂H_c/∂q_rl; with Ḡᵀ before it, as printed, y_rlᵀu_rl of (4.45) is not the power into H_c."""
+    worst = 0.0
+    for x, rest in states(arm(), 3):
+
+        def virtual(y, r):
+            e = y.position - GOAL - r
+            return np.array(0.5 * e @ K_P @ e + 0.5 * r @ K_RL @ r)
+
+        torque, rest_rate = grasp_law(x, rest, FORCE)
+        grown = float(along(virtual, x, rest, torque, rest_rate, FORCE))
+        spring = K_P @ (x.position - GOAL - rest)
+        by_arm, y_rl = spring @ x.velocity, K_RL @ rest - spring
+        _, _, _, G = bar(x)
+        assert by_arm + y_rl @ rest_rate == pytest.approx(grown, rel=1e-7)
+        worst = max(worst, abs(by_arm + (G.T @ y_rl) @ rest_rate - grown) / abs(grown))
+    assert worst > WRONG
+
+
 class OneJoint:
     """A gripper of mass m without a computer: u makes m q̈ = u − d q̇ − V′ + f_e."""
 
