@@ -41,6 +41,7 @@ from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
 from phcontrol.environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, Wrench
+from phcontrol.environments.grasp_contact import GraspContact
 from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.exceptions import (
     DataFileError,
@@ -71,11 +72,14 @@ from phcontrol.potentials.position_potential import PositionPotential
 from phcontrol.potentials.potential import Potential
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.runtime.arm_driver import ArmDriver, Reading, drive
+from phcontrol.runtime.camera_thread import CameraThread
 from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.packet_faults import PacketFaults
 from phcontrol.runtime.simulated_arm import SimulatedArm
+from phcontrol.runtime.simulated_camera import SimulatedCamera
 from phcontrol.runtime.udp_arm import UdpArm
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
@@ -111,8 +115,10 @@ from phcontrol.vision.calibration_file import read_camera
 from phcontrol.vision.extraction import ColourDetector, extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.hand_eye import HandEyeCalibration, calibrate_hand_eye
 from phcontrol.vision.interaction import interaction_matrix
 from phcontrol.vision.marker_detector import MarkerDetector
+from phcontrol.vision.marker_print import MarkerPrint
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from phcontrol.vision.rendered_view import RenderedView
@@ -128,6 +134,7 @@ __all__ = [
     "ArmDriver",
     "Body",
     "CameraSensor",
+    "CameraThread",
     "CanonicalCheck",
     "Certificate",
     "ClassicalImpedance",
@@ -164,8 +171,10 @@ __all__ = [
     "FrameWrench",
     "Gain",
     "GainBound",
+    "GraspContact",
     "GripperSpring",
     "HamiltonianServo",
+    "HandEyeCalibration",
     "HandOver",
     "Holding",
     "ImpedanceGrasping",
@@ -179,9 +188,11 @@ __all__ = [
     "Limits",
     "LiveView",
     "Log",
+    "LoopCamera",
     "LoopMode",
     "Lost",
     "MarkerDetector",
+    "MarkerPrint",
     "Matrix",
     "Measured",
     "MechanicalState",
@@ -225,9 +236,11 @@ __all__ = [
     "SampledTrajectory",
     "Schedule",
     "Seen",
+    "SeenFrame",
     "Settled",
     "Shaping",
     "SimulatedArm",
+    "SimulatedCamera",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
@@ -253,6 +266,7 @@ __all__ = [
     "When",
     "Wrench",
     "__version__",
+    "calibrate_hand_eye",
     "certify",
     "check_canonical_transformation",
     "check_limits",

@@ -237,7 +237,7 @@ def pick_schedule(system: MechanicalSystem, camera: PinholeCamera, length: float
         return EnergyShaping.tuned(system, reference=way_in_image(system, seen(at), at.desired, goal))
 
     def servo(at: HandOver) -> Controller:
-        options = {"camera": camera, "object_length": length, "lost": "hold"}
+        options: dict[str, Any] = {"camera": camera, "object_length": length, "lost": "hold"}
         return HamiltonianServo.tuned(system, goal, posture=at.position, **options)
 
     def close(at: HandOver) -> Controller:
