@@ -37,8 +37,8 @@ class LoopCamera:
 
     A frame tells where the object was seen from where the hand was when it was taken, which is kept for ``memory``;
     that point in space, at rest, is projected from where the hand is now. No new frame that shows the object for
-    ``patience``: NaN is measured, on which a law stops or holds. Frames from the future, older than the memory, or older
-    than the newest are not used; ``counts`` says how many.
+    ``patience``: NaN is measured, on which a law stops or holds. Frames from the future, older than the memory, or
+    older than the newest are not used; ``counts`` says how many.
 
     Args:
         source: of the frames.

@@ -60,9 +60,9 @@ def calibrate_hand_eye(
 
     With H_i the hand in the world, M_i the marker in the camera, X the camera in the hand and W the marker in the
     world, H_i X M_i = W for all i. X begins with the closed form of F. C. Park and B. J. Martin, "Robot sensor
-    calibration: solving AX = XB on the Euclidean group", IEEE Transactions on Robotics and Automation 10, 1994, from all pairs of
-    poses (what OpenCV's ``calibrateHandEye`` calls PARK); then X and W make the sum of squares of log(W⁻¹H_i X M_i)
-    smallest, rotations and translations weighed by how well they agree.
+    calibration: solving AX = XB on the Euclidean group", IEEE Transactions on Robotics and Automation 10, 1994, from
+    all pairs of poses (what OpenCV's ``calibrateHandEye`` calls PARK); then X and W make the sum of squares of
+    log(W⁻¹H_i X M_i) smallest, rotations and translations weighed by how well they agree.
 
     Raises InvalidArgumentError for poses that are none, and for degenerate motions: the hand must turn about at least
     two directions, or where the camera is along the one cannot be told. Raises PHControlError where the poses do not

@@ -1,4 +1,4 @@
-"""A camera beside a control loop: prediction in between, frames that are late, wrong, missing, and an arm that servos."""
+"""A camera beside a control loop: prediction in between, frames that are late, wrong or missing, an arm that servos."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Frames:
 
 
 def moving(t):
-    return SYSTEM.robot.home + np.array([0.3 * np.sin(2.0 * t), 0.2 * np.sin(3.0 * t), 0.1 * t])
+    return SYSTEM.robot.home + np.array([0.03 * np.sin(2.0 * t), -0.03 * np.sin(3.0 * t), 0.02 * t])
 
 
 def seen_at(t):
