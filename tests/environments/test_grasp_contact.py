@@ -19,7 +19,7 @@ def at(gripper):
 
 @pytest.mark.parametrize("gripper", [0.9, 0.41, 0.39, 0.2])
 def test_between_the_fingers_it_is_a_body_in_the_way_of_the_joint(gripper):
-    contact = GraspContact("gripper", 0.4, TOOL + [0.0, 0.004, -0.004], "tool", reach=0.006)
+    contact = GraspContact("gripper", 0.4, TOOL + np.array([0.0, 0.004, -0.004]), "tool", reach=0.006)
     gap, plain = contact.gap(at(gripper)), JointContact("gripper", 0.4).gap(at(gripper))
     assert gap.distance == plain.distance
     np.testing.assert_array_equal(gap.slope, plain.slope)

@@ -140,7 +140,7 @@ def test_its_files_and_its_summary(one, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["--objects", "0"], "0 is not in the range"),
+        (["--objects", "0"], "greater than or equal to 1"),
         (["--features", "smell"], "unknown features 'smell'"),
         (["--duration", "-1"], "duration"),
         (["--camera", "no.yaml"], "cannot read the calibration no.yaml"),
