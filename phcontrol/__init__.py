@@ -50,6 +50,7 @@ from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact
 from phcontrol.environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, Wrench
+from phcontrol.environments.grasp_contact import GraspContact
 from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.exceptions import (
     DataFileError,
@@ -86,11 +87,14 @@ from phcontrol.potentials.position_potential import PositionPotential
 from phcontrol.potentials.potential import Potential
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.runtime.arm_driver import ArmDriver, Reading, drive
+from phcontrol.runtime.camera_thread import CameraThread
 from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.packet_faults import PacketFaults
 from phcontrol.runtime.simulated_arm import SimulatedArm
+from phcontrol.runtime.simulated_camera import SimulatedCamera
 from phcontrol.runtime.udp_arm import UdpArm
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
@@ -135,8 +139,10 @@ from phcontrol.vision.calibration_file import read_camera
 from phcontrol.vision.extraction import ColourDetector, extract_features
 from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
+from phcontrol.vision.hand_eye import HandEyeCalibration, calibrate_hand_eye
 from phcontrol.vision.interaction import interaction_matrix
 from phcontrol.vision.marker_detector import MarkerDetector
+from phcontrol.vision.marker_print import MarkerPrint
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from phcontrol.vision.rendered_view import RenderedView
@@ -153,6 +159,7 @@ __all__ = [
     "ArmDriver",
     "Body",
     "CameraSensor",
+    "CameraThread",
     "CanonicalCheck",
     "CartesianImpedance",
     "CartesianTracking",
@@ -197,8 +204,10 @@ __all__ = [
     "FrameWrench",
     "Gain",
     "GainBound",
+    "GraspContact",
     "GripperSpring",
     "HamiltonianServo",
+    "HandEyeCalibration",
     "HandOver",
     "Holding",
     "ImpedanceGrasping",
@@ -216,9 +225,11 @@ __all__ = [
     "LiveValue",
     "LiveView",
     "Log",
+    "LoopCamera",
     "LoopMode",
     "Lost",
     "MarkerDetector",
+    "MarkerPrint",
     "Matrix",
     "Measured",
     "MechanicalState",
@@ -267,9 +278,11 @@ __all__ = [
     "Schedule",
     "Seen",
     "Setpoint",
+    "SeenFrame",
     "Settled",
     "Shaping",
     "SimulatedArm",
+    "SimulatedCamera",
     "SimulationError",
     "SimulationInterrupted",
     "Sine",
@@ -300,6 +313,7 @@ __all__ = [
     "Wrench",
     "__version__",
     "casimirs",
+    "calibrate_hand_eye",
     "certify",
     "check_canonical_transformation",
     "check_limits",

@@ -18,8 +18,9 @@ from phcontrol.controllers.registry import CONTROLLERS
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
+CAMERA = ROOT / "docs" / "camera-to-grasp.md"
 OWN_LAW = ROOT / "docs" / "own-law.md"
-SEPARATE = [page for page in PAGES if page not in (TUTORIAL, OWN_LAW)]
+SEPARATE = [page for page in PAGES if page not in (TUTORIAL, OWN_LAW, CAMERA)]
 SNIPPETS = [
     pytest.param(snippet, id=f"{page.name}-{number}")
     for page in SEPARATE
@@ -68,6 +69,28 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch):
             assert result.exit_code == 0, result.output
     assert Path("run.html").stat().st_size > 500_000
     assert Path("position.html").exists()
+
+
+def test_the_page_on_cameras_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, object] = {"__name__": "__main__"}
+    for block in re.findall(r"```python\n(.*?)```", CAMERA.read_text(), re.DOTALL):
+        exec(compile(block, "camera", "exec"), namespace)
+    said = capsys.readouterr().out
+    quoted = " ".join(re.findall(r"\*(STOPPED.*?)\*", CAMERA.read_text(), re.DOTALL)[0].split())
+    assert quoted in said
+    assert "wait -> reach (touched)" in said
+    assert "reach -> there (settled)" in said
+    assert abs(namespace["thing"].features(namespace["system"].at(namespace["box"].reading().position))
+               - namespace["servo"].goal).max() < 1e-4  # fmt: skip
+
+
+@pytest.mark.study
+def test_the_command_of_the_page_on_cameras_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (command,) = re.findall(r"```sh\nphcontrol (.*?)#", CAMERA.read_text())
+    result = CliRunner().invoke(app, shlex.split(command))
+    assert result.exit_code == 0, result.output
 
 
 def test_the_page_on_ones_own_law_runs_from_top_to_bottom(tmp_path, monkeypatch):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, vector
-from phcontrol.exceptions import RobotDescriptionError, UnknownNameError
+from phcontrol._validation import Array, text, vector
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, UnknownNameError
 from phcontrol.mechanics.friction import Friction
+from phcontrol.mechanics.pose import check_pose
 from phcontrol.mechanics.potentials import Potential
 
 REFERENCES = {
@@ -104,6 +105,23 @@ class Robot:
         """Names of the links and fixed frames."""
         kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
         return tuple(frame.name for frame in self.model.frames if frame.type in kinds)
+
+    def with_frame(self, name: str, parent: str, placement: Any) -> Robot:
+        """Return the robot with another fixed frame: where a camera was found to be, for instance.
+
+        Args:
+            name: of the new frame; not one that the robot has.
+            parent: the frame that it is fixed to.
+            placement: its pose in the parent's frame [m]: a ``Pose``, a pin.SE3 or a (4, 4) matrix.
+        """
+        if text("name", name) in [frame.name for frame in self.model.frames]:
+            raise InvalidArgumentError("name", f"'{name}' is a frame of {self.name} already")
+        index, pose = self.frame_id(parent), check_pose("placement", placement)
+        model = pin.Model(self.model)
+        beside = model.frames[index]
+        place = beside.placement * pin.SE3(np.array(pose.rotation), np.array(pose.translation))
+        model.addFrame(pin.Frame(name, beside.parentJoint, index, place, pin.FrameType.OP_FRAME))
+        return replace(self, model=model)
 
     def position(self, joints: dict[str, float] | ArrayLike, name: str = "position") -> Array:
         """Return a position vector from an array, or from angles by joint name (others at home).

@@ -15,6 +15,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.runtime.loop_camera import LoopCamera
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.measured_borders import MeasuredBorders
 from phcontrol.runtime.restart_policy import RestartPolicy
@@ -74,6 +75,7 @@ class ControlLoop:
         stale_after: [s]; by default 10 periods.
         deadline: of one step's computation [s]; by default the period.
         setpoint: what is changed while the loop runs; brought up to date before each step of the law.
+        camera: a camera in the hand, with frames at its own rate: image features are measured with each reading.
         clock: what time is read from [s].
     """
 
@@ -91,6 +93,7 @@ class ControlLoop:
         stale_after: float | None = None,
         deadline: float | None = None,
         setpoint: Setpoint | None = None,
+        camera: LoopCamera | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.period = positive("period", period)
@@ -121,6 +124,9 @@ class ControlLoop:
         if setpoint is not None and not isinstance(setpoint, Setpoint):
             raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(setpoint).__name__}")
         self.setpoint = setpoint
+        if camera is not None and not isinstance(camera, LoopCamera):
+            raise InvalidArgumentError("camera", f"must be a LoopCamera, but is {type(camera).__name__}")
+        self._camera = camera
         self._clock, self._recorder = clock, TimingRecorder(self.period, self.deadline)
         self._restarts = RestartPolicy(self.period)
         self._state: Array = np.zeros(controller.state_size)
@@ -230,6 +236,9 @@ class ControlLoop:
         old = age if type(age) is float else real_array(age, ())
         seconds = math.inf if old is None or not old >= 0.0 else float(old)
         q, v = real_array(position, shape), real_array(velocity, shape)
+        if self._camera is not None and q is not None and seconds < reading.age:
+            shown = measured if isinstance(measured, Measured) else NOTHING
+            measured = shown._replace(features=self._camera.features(self._clock() - seconds, q))
         if seconds < reading.age:
             self.counts["measured"] += self._measured.offer(NOTHING if measured is None else measured, seconds)
         both = None if q is None or v is None or seconds == math.inf else np.concatenate((q, v))
