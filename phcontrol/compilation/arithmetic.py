@@ -198,9 +198,8 @@ def _kernels() -> dict[str, Any]:
     names = ("factor", "solve", "solve_transposed", "relative_factor_rate", "transformed_rate", "momentum_derivative",
              "feedback")  # fmt: skip
     found = {name: _either(getattr(kernels, name), getattr(linear_algebra, name)) for name in names}
-    return found | {
-        "finite_copy": lambda value, size: value if is_symbolic(value) else kernels.finite_copy(value, size)
-    }
+    plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
+    return found | {"finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size)}
 
 
 def _either(plain: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:
