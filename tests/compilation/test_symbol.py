@@ -89,10 +89,15 @@ def test_outside_a_trace_everything_is_as_it_was():
         return [frame_potential.np, state.np, state._factor, kernels.factor, vars(frame_potential).get("float")]
 
     before = seen()
-    with pytest.raises(ZeroDivisionError), tracing([]):
-        assert all(now is not then for now, then in zip(seen(), before, strict=True))
-        assert type(frame_potential.np.zeros(2)) is not np.ndarray
-        raise ZeroDivisionError
+
+    def fail():
+        with tracing([]):
+            assert all(now is not then for now, then in zip(seen(), before, strict=True))
+            assert type(frame_potential.np.zeros(2)) is not np.ndarray
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert all(now is then for now, then in zip(seen(), before, strict=True))
     assert frame_potential.np is np
 
