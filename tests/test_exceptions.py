@@ -14,11 +14,14 @@ import pytest
 
 import phcontrol
 from phcontrol import (
+    CompilationError,
+    CompilationWarning,
     DataFileError,
     InvalidArgumentError,
     LawError,
     MissingMeasurementError,
     NonFiniteTorqueError,
+    NotTraceableError,
     ObjectLostError,
     PHControlError,
     RobotDescriptionError,
@@ -55,6 +58,9 @@ EXAMPLES = {
         "tool", "arm", " in row 3", Posture(np.array([0.1, 0.2]), 0.3, 0.4)
     ),
     DataFileError: lambda: DataFileError("cannot read"),
+    CompilationError: lambda: CompilationError("the compiler failed"),
+    NotTraceableError: lambda: NotTraceableError("law cannot be compiled"),
+    CompilationWarning: lambda: CompilationWarning("no C compiler was found"),
     RobotDescriptionWarning: lambda: RobotDescriptionWarning("implausible"),
 }
 

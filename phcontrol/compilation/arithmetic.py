@@ -52,23 +52,16 @@ def _elementwise(name: str) -> Callable[..., Any]:
 
 
 def _pair(name: str, first: Any, second: Any) -> Any:
+    """Return a function of two numbers, of which either may be a symbol."""
     if name in ("maximum", "minimum"):
         return larger(name, first, second)
-    if type(first) is not Symbol and type(second) is not Symbol:
+    if type(first) is Symbol:  # its functions are its methods
+        return getattr(first, name)(second)
+    if type(second) is not Symbol:
         return float(getattr(np, name)(first, second))
-    if type(first) is not Symbol:  # the functions of a symbol are its methods
-        first = second * 0.0 + first if name != "arctan2" else second - second + first
-        if type(first) is not Symbol:
-            return _reversed(name, float(first), second)
-    return getattr(first, name)(second)
-
-
-def _reversed(name: str, first: float, second: Symbol) -> Any:
     if name == "hypot":
         return second.hypot(first)
-    if name == "arctan2":  # the angle of (s, c) is π/2 less that of (c, s)
-        raise NotTraceableError("arctan2 of a plain number and a symbol is not traced")
-    raise NotTraceableError(f"{name} of a plain number and a symbol is not traced")
+    raise NotTraceableError(f"{name} of a plain number and what depends on the state is not traced")
 
 
 def _clip(values: Any, low: Any, high: Any, *rest: Any, **options: Any) -> Any:
@@ -198,9 +191,8 @@ def _kernels() -> dict[str, Any]:
     names = ("factor", "solve", "solve_transposed", "relative_factor_rate", "transformed_rate", "momentum_derivative",
              "feedback")  # fmt: skip
     found = {name: _either(getattr(kernels, name), getattr(linear_algebra, name)) for name in names}
-    return found | {
-        "finite_copy": lambda value, size: value if is_symbolic(value) else kernels.finite_copy(value, size)
-    }
+    plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
+    return found | {"finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size)}
 
 
 def _either(plain: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:

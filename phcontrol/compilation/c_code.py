@@ -118,13 +118,14 @@ def variant(name: str, law: TracedLaw, trace: Trace, single: bool = False) -> Fu
     return function(name, law.inputs, trace.guards, [*trace.torque, *trace.rate], single)
 
 
-def law_source(law: TracedLaw) -> str:
+def law_source(law: TracedLaw) -> Function:
     """Return a C file with ``int phcontrol_law(t, q, v, s, m, p, out)``: 1, or 0 where none of the traces is right."""
     functions = [variant(f"way_{k}", law, trace) for k, trace in enumerate(law.traces)]
     calls = " || ".join(f"way_{k}(t, q, v, s, m, p, out)" for k in range(len(functions)))
     arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
     texts = "\n".join(found.text for found in functions)
-    return (
+    text = (
         "/* Made by phcontrol of a law's own file. */\n#include <math.h>\ntypedef double real;\n\n"
         f"{texts}\nint phcontrol_law({arguments});\nint phcontrol_law({arguments}) {{ return {calls}; }}\n"
     )
+    return Function(text, max(found.operations for found in functions))

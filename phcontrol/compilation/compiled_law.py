@@ -148,7 +148,7 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
             stacklevel=2,
         )
         return controller
-    from phcontrol.compilation.c_code import law_source, variant
+    from phcontrol.compilation.c_code import law_source
 
     say = _Progress(progress)
     start = time.perf_counter()
@@ -156,17 +156,16 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
     traced = _trace(controller, inertias)
     source = law_source(traced)
     traced_at = time.perf_counter()
-    say(f"{controller.name}: compiling {len(source) / 1000:.0f} kB of C")
-    library = compiled(source, compiler, native=native)
+    say(f"{controller.name}: compiling {len(source.text) / 1000:.0f} kB of C")
+    library = compiled(source.text, compiler, native=native)
     compiled_at = time.perf_counter()
     options = {"inertias": inertias, "native": native, "progress": progress}
     made = _made(controller, traced.layout, traced.numbers, library, options)
     difference, covered = _checked(made)
-    operations = max(variant("f", traced, trace).operations for trace in traced.traces)
     made.report = CompilationReport(
-        len(traced.traces), operations, difference, covered, traced_at - start, compiled_at - traced_at, library
+        len(traced.traces), source.operations, difference, covered, traced_at - start, compiled_at - traced_at, library
     )
-    say(f"{controller.name}: {operations} operations, {time.perf_counter() - start:.1f} s", last=True)
+    say(f"{controller.name}: {source.operations} operations, {time.perf_counter() - start:.1f} s", last=True)
     return made  # type: ignore[return-value]
 
 

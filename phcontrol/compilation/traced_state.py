@@ -74,8 +74,10 @@ class TracedState(MechanicalState):
         return self._reduced(self._posture.inverse_dynamics(velocity, along, self._full(acceleration)))
 
     def acceleration(self, torque: Any, external_force: Any = None) -> Any:
-        """Return q̈, by the factor of M."""
-        force = self.applied_force(torque, external_force) - self.coriolis_matrix.dot(self.velocity) - self.gravity
+        """Return q̈, by the factor of M; what motion and weight take is found without a matrix."""
+        velocity = self._full(self.velocity)
+        taken = self._reduced(self._posture.inverse_dynamics(velocity, velocity, np.zeros(len(velocity))))
+        force = self.applied_force(torque, external_force) - taken
         return self.solve_factor_transposed(self.solve_factor(force))
 
     @lazy

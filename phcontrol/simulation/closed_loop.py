@@ -6,14 +6,14 @@ import math
 import platform
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from phcontrol._validation import Array, choice, per_joint, positive, sequence, vector, whole_multiple
+from phcontrol._validation import Array, choice, flag, per_joint, positive, sequence, vector, whole_multiple
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.environments.body import Body
@@ -27,6 +27,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.setpoints.setpoint import Setpoint
+from phcontrol.simulation.compiled_run import compiled_loop_of, run_compiled
 from phcontrol.simulation.instruments import Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
@@ -34,6 +35,9 @@ from phcontrol.simulation.sampled_control import SampledControl, check_filter
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
+
+if TYPE_CHECKING:
+    from phcontrol.compilation.compiled_loop import CompiledLoop
 
 
 def simulate(
@@ -56,6 +60,7 @@ def simulate(
     setpoint: Setpoint | None = None,
     progress: bool | None = None,
     watch: Callable[[Log], None] | None = None,
+    compiled: bool = False,
 ) -> Log:
     """Run a plant under a controller and return the log.
 
@@ -84,6 +89,9 @@ def simulate(
         setpoint: what is changed while the run goes on; brought up to date before each step. For one run only.
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
+        compiled: simulate in C (:func:`compile_law` says what that takes): plant, law, integration and log in one loop.
+            What is not compiled (bodies, scenes, sensors, filters, disturbances that are functions,
+            ``implicit_midpoint``) is simulated interpreted, and a CompilationWarning says so.
 
     Raises:
         InvalidArgumentError: an argument is out of its domain.
@@ -156,6 +164,11 @@ def simulate(
         filtered=torque_filter is not None,
     )  # fmt: skip
     y = np.concatenate([position, velocity, state, body_state, scene_state])
+    if flag("compiled", compiled):
+        others = {"sensors": sensors, "a scene": scene, "a torque filter": torque_filter, "watch": watch}
+        in_c = compiled_loop_of(loop, integrator, others)
+        if in_c is not None and _run_in_c(in_c, loop, log, y, dt, steps, integrator, control_period, stride, progress):
+            return log
     disable = None if progress is None else not progress
     done, k, held = 0, 0, NOTHING_HELD
     try:
@@ -198,6 +211,31 @@ def simulate(
     except KeyboardInterrupt as error:
         raise SimulationInterrupted(f"interrupted at t = {k * dt:g} s", log.truncated()) from error
     return log
+
+
+def _run_in_c(
+    in_c: CompiledLoop,
+    loop: ClosedLoop,
+    log: Log,
+    y: Array,
+    dt: float,
+    steps: int,
+    integrator: str,
+    control_period: float | None,
+    stride: int,
+    progress: bool | None,
+) -> bool:
+    """Return whether a run was simulated in C, from y, into the log."""
+    disable = None if progress is None else not progress
+    with tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
+
+        def run(states: Array, torques: Array) -> bool:
+            states[0] = y
+            return run_compiled(
+                in_c, loop, states, torques, dt, integrator, control_period, stride, lambda k: bar.update(k - bar.n)
+            )
+
+        return log.fill(dt, loop.steady_force, run)
 
 
 def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +93,16 @@ class Log:
         if found.features is not None:
             data["features"][k] = found.features
         self._length = k + 1
+
+    def fill(self, dt: float, external_force: Array, run: Callable[[Array, Array], bool]) -> bool:
+        """Let a run in C write all samples at once: states and torques; return whether it did."""
+        data = self._data
+        if not run(self._states, data["torque"]):
+            return False
+        data["time"][:] = dt * np.arange(len(data["time"]))
+        data["external_force"][:] = external_force
+        self._length = len(data["time"])
+        return True
 
     def record_measured(self, k: int, measured: Measured) -> None:
         """Write what the sensors showed at sample k."""

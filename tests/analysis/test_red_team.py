@@ -487,7 +487,7 @@ class DrivenByTouch(EnergyShaping):
 
 
 def test_what_f_e_drives_is_asked_what_it_does_to_what_it_touches():
-    """In free motion it is stable, and so is the loop with a soft spring; with a stiff one it is not, or if it yields."""
+    """In free motion it is stable, and so is the loop with a soft spring; a stiff one tells."""
     plant = make_system("pera_shoulder")
     certificate = certify(DrivenByTouch.tuned(plant), samples=64)
     line = "largest real part when it is touched [1/s]"

@@ -12,6 +12,7 @@ from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.linear_algebra import eliminate, factor, solve, solve_square, solve_transposed
 from phcontrol.compilation.symbol import Guards, Symbol, symbols
+from phcontrol.compilation.tracing import tracing
 
 np_, math_ = STAND_INS[0][1], STAND_INS[1][1]
 
@@ -71,10 +72,34 @@ def test_arrays_of_symbols_go_through_numpy():
         y += n.sin(x) * n.exp(x) + n.maximum(x, 0.1) - n.minimum(0.2, x) + n.clip(x, -0.1, 0.4)
         return n.concatenate([y, n.outer(x, y).ravel(), n.hypot(x, 0.5), [n.vdot(x, y), n.linalg.norm(x), x.max()]])
 
-    np.testing.assert_allclose(world.at(formula(x, np_)), formula(values, np), rtol=1e-14, atol=1e-15)
+    with tracing([]):
+        traced = formula(x, np_)
+    np.testing.assert_allclose(world.at(traced), formula(values, np), rtol=1e-14, atol=1e-15)
     other = np.array([0.9, 0.8, -0.1])  # another order of size: no branch was taken
-    np.testing.assert_allclose(world.at(formula(x, np_), other), formula(other, np), rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(world.at(traced, other), formula(other, np), rtol=1e-14, atol=1e-15)
     assert world.guards.expressions == []
+
+
+def test_outside_a_trace_everything_is_as_it_was():
+    """Modules get their own names back, also after an error."""
+    from phcontrol.mechanics import kernels, state
+    from phcontrol.potentials import frame_potential
+
+    def seen():
+        return [frame_potential.np, state.np, state._factor, kernels.factor, vars(frame_potential).get("float")]
+
+    before = seen()
+
+    def fail():
+        with tracing([]):
+            assert all(now is not then for now, then in zip(seen(), before, strict=True))
+            assert type(frame_potential.np.zeros(2)) is not np.ndarray
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert all(now is then for now, then in zip(seen(), before, strict=True))
+    assert frame_potential.np is np
 
 
 def test_zeros_and_what_does_not_depend_on_inputs_are_folded():

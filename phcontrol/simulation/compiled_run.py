@@ -1,0 +1,114 @@
+"""A whole run in C, where what is simulated can be compiled."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casadi
+from phcontrol.compilation.compiler import find_compiler
+from phcontrol.compilation.errors import CompilationError, CompilationWarning
+from phcontrol.controllers.controller import Controller
+from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.simulation.vector_field import ClosedLoop
+
+if TYPE_CHECKING:
+    from phcontrol.compilation.compiled_loop import CompiledLoop
+
+_CHECKED = 12  # random instants at which a loop is held against the interpreted one
+_MADE: WeakKeyDictionary[Controller, tuple[MechanicalSystem, CompiledLoop]] = WeakKeyDictionary()
+
+
+def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) -> CompiledLoop | None:
+    """Return a closed loop in C; None, with a warning that says why, where it is simulated interpreted.
+
+    Args:
+        loop: plant, law and what is around.
+        integrator: its name.
+        others: what else was asked for, by name; what is not None is not compiled.
+    """
+    from phcontrol.compilation.compiled_loop import METHODS
+
+    present = [name for name, value in others.items() if value is not None]
+    if loop.bodies:
+        present.append("bodies")
+    if loop.has_varying_disturbance:
+        present.append("a disturbance that is a function")
+    if integrator not in METHODS:
+        present.append(integrator)
+    if present:
+        _not_compiled(f"{', '.join(present)}: not compiled yet")
+        return None
+    compiler = find_compiler()
+    if compiler is None:
+        _not_compiled("no C compiler was found")
+        return None
+    law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
+    known = _MADE.get(loop.controller)
+    if known is not None and known[0] is loop.plant:
+        return known[1]
+    try:
+        made = _checked(loop, law, compiler)
+    except CompilationError as error:
+        _not_compiled(str(error))
+        return None
+    _MADE[loop.controller] = loop.plant, made
+    return made
+
+
+def _not_compiled(reason: str) -> None:
+    warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=4)
+
+
+def _checked(loop: ClosedLoop, law: Controller, compiler: Any) -> CompiledLoop:
+    """Return the loop in C, held against the interpreted one at random instants. Raises CompilationError."""
+    need_casadi()
+    from phcontrol.compilation.compiled_loop import NOT_COMPILED, CompiledLoop
+    from phcontrol.compilation.instants import instants
+
+    made = CompiledLoop(loop.plant, law, compiler)
+    plain = ClosedLoop(loop.plant, law, np.zeros(loop.n))
+    worst, looked = 0.0, 0
+    for instant, _ in instants(law, _CHECKED, seed=3):
+        y = np.concatenate([instant.position, instant.velocity, instant.state])
+        status, rate, torque = made.field(instant.time, y, np.zeros(loop.n), None)
+        if status == NOT_COMPILED:
+            continue
+        expected = plain.evaluate(instant.time, y)
+        looked += 1
+        for one, other in ((rate, expected.rate), (torque, expected.torque)):
+            worst = max(worst, float(np.abs(one - other).max() / max(1e-3, float(np.abs(other).max()))))
+    if not looked or not worst <= TOLERANCE:
+        raise CompilationError(f"the loop as compiled is refused: it differs from the interpreted one by {worst:.1e}")
+    return made
+
+
+def run_compiled(
+    made: CompiledLoop,
+    loop: ClosedLoop,
+    states: Array,
+    torques: Array,
+    dt: float,
+    integrator: str,
+    control_period: float | None,
+    stride: int,
+    after: Callable[[int], None],
+) -> bool:
+    """Fill states and torques of a run; False where it must be simulated interpreted after all, which is said.
+
+    A run that diverges, or whose torque is not finite, is one of these: the interpreted run then says what is wrong.
+    """
+    from phcontrol.compilation.compiled_loop import DONE, NOT_COMPILED
+
+    status, reached = made.run(
+        len(states) - 1, dt, integrator, loop.steady_force, loop.torque_limit, states, torques, stride=stride,
+        period=control_period or 0.0, after=after,
+    )  # fmt: skip
+    if status == NOT_COMPILED:
+        _not_compiled(f"at t = {reached * dt:g} s it takes a branch that is not compiled")
+    return status == DONE
