@@ -71,9 +71,8 @@ class TaskSpace:
     @lazy
     def projector(self) -> Array:
         """P = 1 − W B⁻¹Wᵀ, shape (n, n)."""
-        projector: Array = np.eye(len(self.reduced)) - self.reduced @ self.solve_mobility(self.reduced.T)
-        projector += projector.T
-        projector *= 0.5
+        half = kernels.solve(self._mobility_factor, self.reduced.T)
+        projector: Array = np.eye(len(self.reduced)) - half.T @ half
         return projector
 
     @property
