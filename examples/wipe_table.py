@@ -9,7 +9,6 @@ import numpy as np
 from phcontrol import (
     CartesianTracking,
     FrameLine,
-    FrameReference,
     MechanicalSystem,
     RigidBody,
     SphereContact,
@@ -21,25 +20,13 @@ from phcontrol import (
 
 PRESS, WAY, WAIT = 10.0, 0.31, 1.0  # [N], [m], [s]
 
-
-class Waiting:
-    """A path that begins after a while."""
-
-    def __init__(self, path, wait):
-        self.path, self.wait = path, wait
-        self.frame, self.duration = path.frame, path.duration + wait
-
-    def at(self, t) -> FrameReference:
-        return self.path.at(max(0.0, t - self.wait))
-
-
 system = MechanicalSystem(load_robot("panda", locked_joints=["panda_finger_joint1", "panda_finger_joint2"]))
 frame, start = system.hand_frame, np.array([-0.3, 0.35, 0.0, -2.0, 0.0, 2.35, 0.5])  # [rad]
 hand = system.at(start).placement(frame)
 first, last = (hand.translation, hand.rotation), (hand.translation + [0.0, WAY, 0.0], hand.rotation)
 controller = CartesianTracking(
     system,
-    path=Waiting(FrameLine(frame, first, last, 5.0), WAIT),  # [m], [s]
+    path=FrameLine(frame, first, last, 5.0, start=WAIT),  # [m], [s]
     translational_stiffness=1500.0,  # [N/m], across the table
     rotational_stiffness=60.0,  # [N·m/rad]
     free_direction=(0.0, 0.0, 1.0),

@@ -15,12 +15,16 @@ from phcontrol.cli.controllers import controllers
 from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
+from phcontrol.cli.run_cartesian import impedance, tracking
 from phcontrol.cli.run_law import law_command
 from phcontrol.cli.run_position import position
 from phcontrol.cli.run_servo import servo
 from phcontrol.cli.run_study import study_command
 from phcontrol.cli.run_track import track
 from phcontrol.cli.view import view
+from phcontrol.controllers.cartesian_impedance import CartesianImpedance
+from phcontrol.controllers.cartesian_tracking import CartesianTracking
+from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.own_laws import installed_laws, origin_of
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.controllers.visual_servo import VisualServo
@@ -66,11 +70,21 @@ def _add(group: typer.Typer, name: str, command: Callable[..., None], **texts: A
 _add(run_app, "position", position)
 _add(run_app, "track", track, short_help="Follow a trajectory with any arm, and certify the law that does it.")
 _add(run_app, "servo", servo)
+
+
+def _general(law: type[Controller]) -> Callable[..., None]:
+    """Return the command that runs laws of a kind."""
+    for kind, command in ((VisualServo, servo), (CartesianImpedance, impedance), (CartesianTracking, tracking)):
+        if issubclass(law, kind):
+            return command
+    return position
+
+
 for _name, _entry in CONTROLLERS.items():
     _add(
         run_app,
         _name,
-        law_command(_name, servo if issubclass(_entry.law, VisualServo) else position),
+        law_command(_name, _general(_entry.law)),
         help=f"Run an arm under {_name}: {_entry.summary}.",
         short_help=f"law: {_entry.summary}",
     )

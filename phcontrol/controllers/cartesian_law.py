@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 from phcontrol import _validation
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, finite_array, positive
 from phcontrol.controllers.damped_law import DampedLaw
 from phcontrol.controllers.parameters import Gain, NonNegative, Parameter, Vector
@@ -34,6 +35,7 @@ from phcontrol.trajectories.frame_path import FramePath
 BANDWIDTH = 10.0
 """Of the hand under default stiffness [rad/s]."""
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
+_SLIDES = 40  # towards the preferred posture
 _FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
@@ -188,6 +190,32 @@ class CartesianLaw(TankedLaw, DampedLaw):
     def start_posture(self) -> Array:
         """The preferred posture, or one near home [rad]."""
         return self.system.robot.near_home() if self.preferred_posture is None else self.preferred_posture
+
+    def rest_posture(self, t: float) -> Array:
+        """Return where Ψ is smallest, and of those postures with posture="tank" the one where its spring rests too."""
+        posture = super().rest_posture(t)
+        if self.posture != "tank" or self.system.n == self._rows:
+            return posture
+        key = t if self.reference is not None else 0.0
+        if key not in self._settled:
+            self._settled[key] = self._slid(posture, self.pose_at(t))
+        return self._settled[key]
+
+    @lazy
+    def _settled(self) -> dict[float, Array]:
+        return {}
+
+    def _slid(self, posture: Array, goal: Pose) -> Array:
+        """Return the posture of least spring that holds the hand at a goal: steps in the null space of 𝒥, and back."""
+        for _ in range(_SLIDES):
+            jacobian = self.system.at(posture).frame_kinematics(self.frame).jacobian[: self._rows]
+            free = np.linalg.svd(jacobian)[2][self._rows :]
+            pull = free @ self.posture_stiffness @ self.system.robot.difference(posture, self.preferred_posture)
+            step = np.linalg.solve(free @ self.posture_stiffness @ free.T, pull) @ free
+            if np.abs(step).max() < 1e-12:
+                break
+            posture = self._least_at_rest.minimum_near(self.system, posture - step, goal)
+        return posture
 
     def own_actions(self) -> tuple[Action, ...]:
         """Return the posture's projected spring, and what varies of the stiffness."""
