@@ -17,6 +17,7 @@ from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.export import export
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
+from phcontrol.cli.run_cartesian import impedance, tracking
 from phcontrol.cli.run_law import law_command
 from phcontrol.cli.run_pick import pick
 from phcontrol.cli.run_position import position
@@ -69,7 +70,12 @@ _add(run_app, "position", position)
 _add(run_app, "track", track, short_help="Follow a trajectory with any arm, and certify the law that does it.")
 _add(run_app, "servo", servo)
 _add(run_app, "pick", pick, short_help="See an object, reach it, grasp it: 20 random poses, from rendered images.")
-_RUNS: dict[str, Callable[..., None]] = {"position": position, "servo": servo}
+_RUNS: dict[str, Callable[..., None]] = {
+    "position": position,
+    "servo": servo,
+    "cartesian_impedance": impedance,
+    "cartesian_tracking": tracking,
+}
 for _name, _entry in CONTROLLERS.items():
     _add(
         run_app,

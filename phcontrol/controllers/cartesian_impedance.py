@@ -78,6 +78,7 @@ class CartesianImpedance(CartesianLaw):
     """
 
     name = "cartesian_impedance"
+    run = "cartesian_impedance"
 
     goal: Parameter[Any, Pose | None] = Parameter("r_d, R_d", "m", default=None, check=_goal)
 
@@ -90,8 +91,9 @@ class CartesianImpedance(CartesianLaw):
                 raise InvalidArgumentError("goal", "must be a pose for a rotational_stiffness, but is a point")
             self.goal = Pose(self.goal.translation, np.eye(3))
         super().prepare()
-        if self.goal is not None and self._off.distance + self._off.angle > _AT_GOAL:
-            off = f"{self._off.distance:.3g} m" + (f" and {self._off.angle:.3g} rad" if self._rows == 6 else "")
+        if self.goal is not None and sum(self._nearest[0]) > _AT_GOAL:
+            distance, angle = self._nearest[0]
+            off = f"{distance:.3g} m" + (f" and {angle:.3g} rad" if self._rows == 6 else "")
             message = (
                 f"the goal of '{self.frame}' is out of reach, by {off}: the hand goes as near as its spring lets it"
             )
@@ -104,24 +106,28 @@ class CartesianImpedance(CartesianLaw):
     @property
     def out_of_reach(self) -> Deviation:
         """How far from its goal the hand must stay; next to nothing where it can get there."""
-        return Deviation(0.0, 0.0) if self.goal is None else self._off
+        return Deviation(0.0, 0.0) if self.goal is None else self._nearest[0]
 
     @property
     def pull_off(self) -> Deviation:
         """How far from its goal the hand rests, pulled by a posture spring and pushed by the wrench."""
         return Deviation(0.0, 0.0) if self.goal is None else self._deviation(self.rest_posture(0.0))
 
+    @property
+    def start_posture(self) -> Array:
+        """The posture that brings the hand nearest to its goal, of those that are found [rad]."""
+        return super().start_posture if self.goal is None else self._nearest[1]
+
     @lazy
-    def _off(self) -> Deviation:
-        """The nearest that was found, from the preferred posture and then from others."""
-        assert self.goal is not None
+    def _nearest(self) -> tuple[Deviation, Array]:
+        """How near the hand gets, and in which posture: from the preferred one on, and if that fails from others."""
         robot, generator = self.system.robot, np.random.default_rng(0)
-        spring, found = self.spring(None), Deviation(np.inf, np.inf)
+        spring, found = self.spring(None), (Deviation(np.inf, np.inf), robot.home)
         for attempt in range(1 + _STARTS):
-            start = self.start_posture if attempt == 0 else robot.random_position(generator)
-            off = self._deviation(spring.minimum_near(self.system, start))
-            found = min(found, off, key=sum)
-            if sum(found) <= _AT_GOAL:
+            start = super().start_posture if attempt == 0 else robot.random_position(generator)
+            posture = spring.minimum_near(self.system, start)
+            found = min(found, (self._deviation(posture), posture), key=lambda pair: sum(pair[0]))
+            if sum(found[0]) <= _AT_GOAL:
                 break
         return found
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 from phcontrol import _validation
+from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, finite_array, positive
 from phcontrol.controllers.damped_law import DampedLaw
 from phcontrol.controllers.parameters import Gain, NonNegative, Parameter, Vector
@@ -34,6 +35,7 @@ from phcontrol.trajectories.frame_path import FramePath
 BANDWIDTH = 10.0
 """Of the hand under default stiffness [rad/s]."""
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
+_SLIDES = 40  # towards the preferred posture
 _FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
@@ -77,6 +79,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
         nullspace_damping: d_n, the rate at which motions fade that leave the hand alone [1/s].
         wrench: what the hand exerts beside the spring, (force, torque) in the axes of the world, shape (6,)
             [N, N·m]; the torque is that at the goal's orientation (:class:`FrameWrench`).
+        free_direction: a direction in the world along which the spring does not hold, and D_x still damps: to press
+            with the ``wrench`` on a surface with that normal, while the hand is led across it.
         posture: None, or what holds the arm's posture beside the hand: "spring" adds a spring on the joints to Ψ, which
             pulls the hand off its goal (``pull_off`` says how far); "tank" leaves the hand alone, and an
             :class:`EnergyTank` pays for it.
@@ -102,6 +106,9 @@ class CartesianLaw(TankedLaw, DampedLaw):
     nullspace_damping: NonNegative = NonNegative("d_n", "1/s", default=4.0)
     wrench: Parameter[ArrayLike | None, Array | None] = Parameter(
         "F", "N, N·m", default=None, check=lambda name, value, system: _validation.vector(name, value, 6)
+    )
+    free_direction: Parameter[ArrayLike | None, Array | None] = Parameter(
+        "n", default=None, check=lambda name, value, system: _validation.direction(name, value)
     )
     posture: Parameter[str | None, str | None] = Parameter(
         default=None, check=lambda name, value, system: choice(name, value, ("spring", "tank"))
@@ -137,10 +144,15 @@ class CartesianLaw(TankedLaw, DampedLaw):
             raise InvalidArgumentError("variation", "changes a rotational stiffness, and the law has none")
         turn = self.pose_at(0.0).rotation
         self._linear = self.translational_stiffness if self.axes == "world" else self._in_goal_axes(turn)
+        self._across = np.eye(3)
+        if self.free_direction is not None:
+            self._across = self._across - np.outer(self.free_direction, self.free_direction)
+        self._held: Array = self._across @ self._linear @ self._across
         self._roots = _root(self._linear), np.zeros((3, 3)) if K_r is None else _root(K_r)
-        self._given_damping: Array | None = None
+        self._given_factor: Array | None = None
         if self.task_damping is not None:
-            self._given_damping = _validation.gain("task_damping", self.task_damping, self._rows)
+            damping = _validation.gain("task_damping", self.task_damping, self._rows)
+            self._given_factor = np.asarray(np.linalg.cholesky(damping), dtype=float)
         super().prepare()
 
     def _in_goal_axes(self, turn: Array) -> Array:
@@ -172,12 +184,38 @@ class CartesianLaw(TankedLaw, DampedLaw):
                 turning = turning - 0.5 * skew(goal.rotation.T @ wrench[3:])
             elif wrench[3:].any():
                 raise InvalidArgumentError("wrench", "has a torque, which needs a rotational_stiffness to turn against")
-        return FramePotential(self.frame, goal, stiffness=self._linear, force=force, turning=turning)
+        return FramePotential(self.frame, goal, stiffness=self._held, force=force, turning=turning)
 
     @property
     def start_posture(self) -> Array:
         """The preferred posture, or one near home [rad]."""
         return self.system.robot.near_home() if self.preferred_posture is None else self.preferred_posture
+
+    def rest_posture(self, t: float) -> Array:
+        """Return where Ψ is smallest, and of those postures with posture="tank" the one where its spring rests too."""
+        posture = super().rest_posture(t)
+        if self.posture != "tank" or self.system.n == self._rows:
+            return posture
+        key = t if self.reference is not None else 0.0
+        if key not in self._settled:
+            self._settled[key] = self._slid(posture, self.pose_at(t))
+        return self._settled[key]
+
+    @lazy
+    def _settled(self) -> dict[float, Array]:
+        return {}
+
+    def _slid(self, posture: Array, goal: Pose) -> Array:
+        """Return the posture of least spring that holds the hand at a goal: steps in the null space of 𝒥, and back."""
+        for _ in range(_SLIDES):
+            jacobian = self.system.at(posture).frame_kinematics(self.frame).jacobian[: self._rows]
+            free = np.linalg.svd(jacobian)[2][self._rows :]
+            pull = free @ self.posture_stiffness @ self.system.robot.difference(posture, self.preferred_posture)
+            step = np.linalg.solve(free @ self.posture_stiffness @ free.T, pull) @ free
+            if np.abs(step).max() < 1e-12:
+                break
+            posture = self._least_at_rest.minimum_near(self.system, posture - step, goal)
+        return posture
 
     def own_actions(self) -> tuple[Action, ...]:
         """Return the posture's projected spring, and what varies of the stiffness."""
@@ -187,29 +225,35 @@ class CartesianLaw(TankedLaw, DampedLaw):
             actions.append(PostureAction(self.system, self.frame, *held, rows=self._rows))
         if self.variation is not None:
             K_r = np.zeros((3, 3)) if self.rotational_stiffness is None else self.rotational_stiffness
-            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, self._linear, K_r))
+            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, self._across, (self._held, K_r)))
         return tuple(actions)
 
     def task_damping_matrix(self, x: MechanicalState) -> Array:
         """Return D_x at a state, shape (6, 6), or (3, 3) with a free orientation [N·s/m, N·m·s/rad]."""
-        if self._given_damping is not None:
-            return self._given_damping
+        factor = self._damping_factor(x)
+        damping: Array = factor.dot(factor.T)
+        return damping
+
+    def _damping_factor(self, x: MechanicalState) -> Array:
+        """Return X with D_x = X Xᵀ: (2ζ)^½ L U S^(−¼)."""
+        if self._given_factor is not None:
+            return self._given_factor
         root: Array = np.zeros((self._rows, self._rows))
         root[:3, :3] = self._roots[0]
         if self._rows == 6:
             root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(self._roots[1])
         mobility = x.task_space(self.frame, self._rows).mobility
         squares, modes, _ = lapack.dsyev(root.T.dot(mobility).dot(root))
-        modes = root.dot(modes)
-        scale = (2.0 * self.damping_ratio) / np.sqrt(np.maximum(squares, _FREE * squares[-1]))
-        damping: Array = (modes * scale).dot(modes.T)
-        return damping
+        scale = np.sqrt(2.0 * self.damping_ratio) / np.maximum(squares, _FREE * squares[-1]) ** 0.25
+        factor: Array = root.dot(modes)
+        factor *= scale
+        return factor
 
     def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
-        task = x.task_space(self.frame, self._rows)
+        task, factor = x.task_space(self.frame, self._rows), self._damping_factor(x)
         twist = task.jacobian.dot(velocity)
-        wrench = self.task_damping_matrix(x).dot(twist)
+        wrench = factor.dot(twist.dot(factor))
         wrench -= self.nullspace_damping * task.solve_mobility(twist)
         force: Array = wrench.dot(task.jacobian)
         force += self.nullspace_damping * x.mass_matrix.dot(velocity)
@@ -218,7 +262,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
     def joint_damping(self, x: MechanicalState) -> Array:
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""
         task = x.task_space(self.frame, self._rows)
-        damping: Array = task.jacobian.T @ self.task_damping_matrix(x) @ task.jacobian
+        lever = task.jacobian.T @ self._damping_factor(x)
+        damping: Array = lever @ lever.T
         damping += self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
         return damping
 

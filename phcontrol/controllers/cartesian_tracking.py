@@ -40,6 +40,7 @@ class CartesianTracking(CartesianLaw):
     """
 
     name = "cartesian_tracking"
+    run = "cartesian_tracking"
 
     path: Parameter[FramePath, FramePath] = Parameter("ξ_d", check=_path)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from phcontrol._validation import Array, number, positive
+from phcontrol.environments.contact_friction import ContactFriction
 from phcontrol.environments.contact_geometry import ContactGeometry
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 
 
@@ -57,6 +59,43 @@ class Body(ABC):
     @abstractmethod
     def fastest_rate(self, x: MechanicalState) -> float:
         """Return the fastest rate [1/s] at which contact reacts at a state: sets the largest stable step."""
+
+
+@runtime_checkable
+class SlidingGeometry(ContactGeometry, Protocol):
+    """A geometry on which what touches can slide."""
+
+    def slip(self, x: MechanicalState) -> Array:
+        """Return S, shape (3, n): S q̇ is how fast the touching points slide on each other [m/s]."""
+        ...
+
+
+class Rubbing:
+    """The friction of a body's surface, as far as it has any.
+
+    Args:
+        geometry: where it is touched.
+        friction: μ; 0 for none.
+        slip_speed: v₀ [m/s], see :class:`ContactFriction`.
+
+    Raises:
+        InvalidArgumentError: friction where nothing slides, as at a joint.
+    """
+
+    def __init__(self, geometry: ContactGeometry, friction: float, slip_speed: float) -> None:
+        self.friction = ContactFriction(friction, slip_speed)
+        self._geometry = geometry if isinstance(geometry, SlidingGeometry) else None
+        if self.friction.coefficient and self._geometry is None:
+            message = f"needs a surface to slide on (SphereContact), but is given for a {type(geometry).__name__}"
+            raise InvalidArgumentError("friction", message)
+
+    def force(self, x: MechanicalState, normal_force: float) -> tuple[Array | float, float]:
+        """Return the friction's force on the joints, shape (n,) [N·m] or 0, and the power it takes [W]."""
+        if not self.friction.coefficient or normal_force <= 0.0 or self._geometry is None:
+            return 0.0, 0.0
+        slip = self._geometry.slip(x)
+        force, power = self.friction.force(normal_force, slip @ x.velocity)
+        return force @ slip, power
 
 
 class Surface:

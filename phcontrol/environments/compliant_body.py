@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phcontrol._validation import Array, number, positive
-from phcontrol.environments.body import Body, Surface, Touch
+from phcontrol.environments.body import Body, Rubbing, Surface, Touch
 from phcontrol.environments.contact_geometry import ContactGeometry, effective_mass
 from phcontrol.mechanics.state import MechanicalState
 
@@ -30,6 +30,8 @@ class CompliantBody(Body):
         surface_stiffness: of the contact, by default 100 K_c.
         surface_damping: of the contact, by default what damps the mass on it critically.
         onset: depth over which the contact's damper sets in [m or rad].
+        friction: μ of a fingertip that slides on it; 0 for none.
+        slip_speed: below which that friction fades [m/s], see :class:`ContactFriction`.
     """
 
     def __init__(
@@ -42,8 +44,11 @@ class CompliantBody(Body):
         surface_stiffness: float | None = None,
         surface_damping: float | None = None,
         onset: float = 1e-4,
+        friction: float = 0.0,
+        slip_speed: float = 5e-3,
     ) -> None:
         super().__init__(geometry)
+        self.rubbing = Rubbing(geometry, friction, slip_speed)
         self.stiffness = positive("stiffness", stiffness)
         self.damping = number("damping", damping, minimum=0.0)
         self.mass = positive("mass", mass)
@@ -74,12 +79,13 @@ class CompliantBody(Body):
         depth, closing = -gap.distance - displacement, -float(gap.slope.dot(x.velocity)) - speed
         force, stored, lost = self.surface.push(depth, closing)
         momentum_rate = force - self.stiffness * displacement - self.damping * speed
+        rubbed, taken = self.rubbing.force(x, force)
         return Touch(
-            gap.slope * force,
+            gap.slope * force + rubbed,
             np.array([speed, momentum_rate]),
             force,
             stored + 0.5 * momentum * speed + 0.5 * self.stiffness * displacement**2,
-            lost + self.damping * speed**2,
+            lost + self.damping * speed**2 + taken,
         )
 
     def fastest_rate(self, x: MechanicalState) -> float:

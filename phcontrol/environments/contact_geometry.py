@@ -66,8 +66,8 @@ class JointContact:
 class SphereContact:
     """A small sphere fixed at a frame of the arm, against a shape that is fixed in space.
 
-    Signed distance and normal come from coal, so that meshes work too. Contact is without friction: the
-    force acts along the normal, through the sphere's centre. A mesh is a surface without inside: the
+    Signed distance and normal come from coal, so that meshes work too. The contact force acts along the normal, through
+    the sphere's centre; what friction a body has acts where the sphere touches. A mesh is a surface without inside: the
     sphere must not sink into it by more than its radius.
 
     Args:
@@ -133,6 +133,14 @@ class SphereContact:
         distance, away = self.meet(x.placement(self.frame).translation)
         slope: Array = away.dot(x.frame_jacobian(self.frame, "local_world_aligned")[:3])
         return Gap(distance, slope)
+
+    def slip(self, x: MechanicalState) -> Array:
+        """Return S, shape (3, n): S q̇ is how fast the sphere's point next to the shape slides along it [m/s]."""
+        kinematics = x.frame_kinematics(self.frame)
+        away = self.meet(kinematics.translation)[1]
+        linear, angular = kinematics.jacobian[:3], kinematics.jacobian[3:]
+        point: Array = linear + self.radius * np.cross(away, angular, axisb=0, axisc=0)  # ω × (−ρ n) = ρ n × ω
+        return point - np.outer(away, away @ point)
 
     def meet(self, centre: Array) -> tuple[float, Array]:
         """Return, for the sphere at a centre in the world [m], its distance and the direction away from the shape."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.environments.body import Body, Surface, Touch
+from phcontrol.environments.body import Body, Rubbing, Surface, Touch
 from phcontrol.environments.contact_geometry import ContactGeometry, effective_mass
 from phcontrol.mechanics.state import MechanicalState
 
@@ -20,12 +20,22 @@ class RigidBody(Body):
         stiffness: [N/m or N·m/rad].
         damping: [N·s/m or N·m·s/rad].
         onset: depth over which the damper sets in [m or rad].
+        friction: μ of a fingertip that slides on it; 0 for none.
+        slip_speed: below which that friction fades [m/s], see :class:`ContactFriction`.
     """
 
     def __init__(
-        self, geometry: ContactGeometry, *, stiffness: float = 1e4, damping: float = 0.0, onset: float = 1e-4
+        self,
+        geometry: ContactGeometry,
+        *,
+        stiffness: float = 1e4,
+        damping: float = 0.0,
+        onset: float = 1e-4,
+        friction: float = 0.0,
+        slip_speed: float = 5e-3,
     ) -> None:
         super().__init__(geometry)
+        self.rubbing = Rubbing(geometry, friction, slip_speed)
         self.surface = Surface(stiffness, damping, onset)
 
     def initial_state(self) -> Array:
@@ -36,7 +46,8 @@ class RigidBody(Body):
         """Return force, energy and losses."""
         gap = self.geometry.gap(x)
         force, stored, lost = self.surface.push(-gap.distance, -float(gap.slope.dot(x.velocity)))
-        return Touch(gap.slope * force, _NOTHING, force, stored, lost)
+        rubbed, taken = self.rubbing.force(x, force)
+        return Touch(gap.slope * force + rubbed, _NOTHING, force, stored, lost + taken)
 
     def fastest_rate(self, x: MechanicalState) -> float:
         """Return the rate of the arm's effective mass on the surface [1/s]."""

@@ -9,7 +9,7 @@ import numpy as np
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
-from phcontrol.mechanics.singular_damping import frame_damping
+from phcontrol.mechanics.singular_damping import SINGULAR_REGION, frame_damping
 
 
 class TaskSpace:
@@ -71,10 +71,15 @@ class TaskSpace:
     @lazy
     def projector(self) -> Array:
         """P = 1 − W B⁻¹Wᵀ, shape (n, n)."""
-        projector: Array = np.eye(len(self.reduced)) - self.reduced @ self.solve_mobility(self.reduced.T)
-        projector += projector.T
-        projector *= 0.5
+        half = kernels.solve(self._mobility_factor, self.reduced.T)
+        projector: Array = np.eye(len(self.reduced)) - half.T @ half
         return projector
+
+    @property
+    def clearance(self) -> float:
+        """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
+        share = min(1.0, max(0.0, self.singularity_distance / SINGULAR_REGION - 1.0))
+        return share * share * (3.0 - 2.0 * share)
 
     @property
     def manipulability(self) -> float:

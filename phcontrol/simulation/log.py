@@ -13,6 +13,7 @@ from phcontrol._validation import Array, choice
 from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.derived import DERIVED, OPTIONAL, PARTS, Sample, derive, names_of, true_measurement
+from phcontrol.simulation.frame_motion import FrameMotion
 from phcontrol.simulation.log_file import FEATURES, FILTER, LARGEST, MEASURED, read_log, write_log
 from phcontrol.simulation.plant_record import plant_from_record, plant_record
 from phcontrol.simulation.power_balance import PowerBalance
@@ -279,6 +280,17 @@ class Log:
     def contact_power(self) -> Array:
         """Power dissipated in the bodies and contacts, shape (N,) [W]."""
         return self._column("contact_power")
+
+    def frame(self, name: str) -> FrameMotion:
+        """Return how a frame moved, what acted on it and how near to singular the arm was, at every sample.
+
+        Of a log that was read from a file, of the arm that the file describes.
+
+        Raises UnknownNameError for a frame that the arm does not have, PHControlError where a file cannot describe it.
+        """
+        plant = plant_from_record(self.metadata) if self._loop is None else self._loop.plant
+        end = len(self)
+        return FrameMotion(plant, name, self.position[:end], self.velocity[:end], self.external_force[:end])
 
     @property
     def saturated(self) -> Array:

@@ -13,7 +13,8 @@ from phcontrol.tanks.action import Action
 class PostureAction(Action):
     """a = −NᵀK_n(q − q_r) with N = 1 − M⁻¹𝒥ᵀΛ𝒥: the part of a spring that does not accelerate the frame.
 
-    It has no potential, and by itself may put energy in without end.
+    It has no potential, and by itself may put energy in without end. Towards a singularity, where no motion leaves the
+    frame quite alone any more, it fades (``TaskSpace.clearance``).
 
     Args:
         system: the arm.
@@ -32,7 +33,9 @@ class PostureAction(Action):
         self.stiffness = gain("stiffness", stiffness, system.n)
 
     def torque(self, t: float, x: MechanicalState) -> Array:
-        """Return a = −T P T⁻¹K_n(q − q_r), P of the frame's task space, shape (n,) [N·m]."""
+        """Return a = −c T P T⁻¹K_n(q − q_r), P and c of the frame's task space, shape (n,) [N·m]."""
         pull = x.solve_factor(self.stiffness.dot(x.position_error(self.posture)))
-        torque: Array = x.factor.dot(x.task_space(self.frame, self.rows).without_task(pull))
-        return -torque
+        task = x.task_space(self.frame, self.rows)
+        torque: Array = x.factor.dot(task.without_task(pull))
+        torque *= -task.clearance
+        return torque

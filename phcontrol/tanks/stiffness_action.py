@@ -26,8 +26,9 @@ class StiffnessAction(Action):
         frame: its name.
         goal: t -> the pose of the spring's goal.
         stiffness: K(t).
-        translational: K_t, the constant part, shape (3, 3), axes of the world [N/m].
-        rotational: K_r, likewise, axes of the goal [N·m/rad].
+        across: P, shape (3, 3): of K_t(t) what acts is P K_t P, for a direction that is left free.
+        constant: (K_t, K_r), what the potential holds, shape (3, 3) each, axes of the world [N/m] and of the goal
+            [N·m/rad].
     """
 
     def __init__(
@@ -35,11 +36,11 @@ class StiffnessAction(Action):
         frame: str,
         goal: Callable[[float], Pose],
         stiffness: Stiffness,
-        translational: Array,
-        rotational: Array,
+        across: Array,
+        constant: tuple[Array, Array],
     ) -> None:
         self.frame, self.goal, self.stiffness = frame, goal, stiffness
-        self._constant = translational, rotational
+        self._across, self._constant = across, constant
         self.duration = stiffness.duration
 
     def torque(self, t: float, x: MechanicalState) -> Array:
@@ -48,7 +49,7 @@ class StiffnessAction(Action):
         translational, rotational = self.stiffness.translational(t), self.stiffness.rotational(t)
         wrench: Array = np.zeros(6)
         if translational is not None:
-            change = translational - self._constant[0]
+            change = self._across @ translational @ self._across - self._constant[0]
             wrench[:3] = change.dot(kinematics.translation - goal.translation)
         if rotational is not None:
             change = rotational - self._constant[1]

@@ -109,6 +109,36 @@ def run_figure(log: Log, robot: Robot, goal: Array | None, title: str) -> Figure
     return figure
 
 
+def hand_figure(log: Log, errors: Array, frame: str, title: str) -> Figure:
+    """Return one page on a hand on a spring: its errors (N, 6) [m, rad], the wrench on it, tank and energy, torques."""
+    figure = Figure(figsize=(12.0, 7.5), layout="constrained")
+    figure.suptitle(title, fontsize=13, color=INK)
+    axes = figure.subplots(2, 2)
+    for part, name in enumerate("xyz"):
+        color = COLORS[part]
+        axes[0, 0].plot(log.time, 1e3 * errors[:, part], color=color, label=f"{name} [mm]")
+        axes[0, 0].plot(log.time, 1e3 * errors[:, 3 + part], color=color, linestyle="--", label=f"about {name} [mrad]")
+    _finish(axes[0, 0], "error of the hand", "[mm], dashed: [mrad]")
+    axes[0, 0].legend(fontsize=7, ncols=2, framealpha=0.8)
+    wrench = log.frame(frame).wrench
+    for part, name in enumerate("xyz"):
+        axes[0, 1].plot(log.time, wrench[:, part], color=COLORS[part], label=f"force, {name} [N]")
+        axes[0, 1].plot(
+            log.time, wrench[:, 3 + part], color=COLORS[part], linestyle="--", label=f"torque, {name} [N·m]"
+        )
+    _finish(axes[0, 1], "wrench on the hand from outside", "[N], dashed: [N·m]")
+    axes[0, 1].legend(fontsize=7, ncols=2, framealpha=0.8)
+    plot_torques(axes[1, 0], log)
+    if log.tank_level is None:
+        plot_energy(axes[1, 1], log)
+    else:
+        axes[1, 1].plot(log.time, log.tank_level, color=COLORS[1], label="in the tank")
+        axes[1, 1].plot(log.time, log.storage, color=COLORS[0], label="storage $H_d$ with it")
+        _finish(axes[1, 1], "energy", "[J]")
+        axes[1, 1].legend(fontsize=8)
+    return figure
+
+
 def servo_figure(log: Log, goal: Array, title: str) -> Figure:
     """Return one page on a run of visual servoing: features, joints, torques, energy."""
     figure = Figure(figsize=(12.0, 7.5), layout="constrained")

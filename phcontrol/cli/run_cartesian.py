@@ -1,0 +1,126 @@
+"""``phcontrol run cartesian_impedance`` and ``run cartesian_tracking``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli.arm import system_of
+from phcontrol.cli.one_run import run_and_write
+from phcontrol.cli.options import (
+    ArmatureOption,
+    FormOption,
+    LockOption,
+    PortOption,
+    RecordOption,
+    RobotOption,
+    SetOption,
+    StepOption,
+    ViewOption,
+)
+from phcontrol.cli.showing import Showing
+from phcontrol.cli.texts import numbers_of, settings_of
+from phcontrol.runs.cartesian import run_cartesian
+from phcontrol.simulation.integrators import INTEGRATORS
+
+StiffnessOption = Annotated[
+    str | None,
+    typer.Option(help="Of the hand: x,y,z [N/m], and three more about them [N·m/rad]. Default: what suits the arm."),
+]
+PushOption = Annotated[
+    str | None, typer.Option(help="Force on the hand x,y,z in the world [N], and a torque, three more [N·m].")
+]
+HandOption = Annotated[str | None, typer.Option(help="The hand: a frame. Default: the tool, or the last frame.")]
+
+
+def impedance(
+    controller: str = "cartesian_impedance",
+    robot: RobotOption = "panda",
+    stiffness: StiffnessOption = None,
+    push: PushOption = None,
+    frame: HandOption = None,
+    interconnection: FormOption = "coriolis",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 5.0,
+    dt: StepOption = None,
+    integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
+    control_period: Annotated[
+        float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
+    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
+) -> None:
+    """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
+    run_and_write(
+        system_of(robot, lock, armature),
+        Path("results") / controller if out is None else out,
+        Showing(view, record, port),
+        controller=controller,
+        study=run_cartesian,
+        stiffness=None if stiffness is None else numbers_of("--stiffness", stiffness),
+        push=None if push is None else numbers_of("--push", push),
+        frame=frame,
+        interconnection=interconnection,
+        duration=duration,
+        samples=samples,
+        options=settings_of(settings, "stiffness", "frame", "interconnection"),
+        dt=dt,
+        integrator=integrator,
+        control_period=control_period,
+    )
+
+
+def tracking(
+    controller: str = "cartesian_tracking",
+    robot: RobotOption = "panda",
+    path: Annotated[
+        str,
+        typer.Option(
+            help="'circle' or 'line' from where the hand is near home, or a CSV file of time [s], x, y, z [m] and, if "
+            "the hand shall turn, qx, qy, qz, qw, one row an instant."
+        ),
+    ] = "circle",
+    stiffness: StiffnessOption = None,
+    push: PushOption = None,
+    frame: HandOption = None,
+    interconnection: FormOption = "coriolis",
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 5.0,
+    dt: StepOption = None,
+    control_period: Annotated[
+        float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
+    ] = None,
+    lock: LockOption = None,
+    armature: ArmatureOption = None,
+    settings: SetOption = None,
+    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
+    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
+    view: ViewOption = False,
+    record: RecordOption = None,
+    port: PortOption = None,
+) -> None:
+    """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
+    run_and_write(
+        system_of(robot, lock, armature),
+        Path("results") / controller if out is None else out,
+        Showing(view, record, port),
+        controller=controller,
+        study=run_cartesian,
+        path=path,
+        stiffness=None if stiffness is None else numbers_of("--stiffness", stiffness),
+        push=None if push is None else numbers_of("--push", push),
+        frame=frame,
+        interconnection=interconnection,
+        duration=duration,
+        samples=samples,
+        options=settings_of(settings, "stiffness", "frame", "interconnection", "path"),
+        dt=dt,
+        control_period=control_period,
+    )
