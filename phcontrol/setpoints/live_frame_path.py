@@ -84,7 +84,7 @@ class LiveFramePath(LiveMotion[Place]):
 
     def at(self, t: float) -> FrameReference:
         """Return pose, twist and acceleration at time t [s]."""
-        leg, x, rate, bend = self._course.at(t)
+        leg, x, rate, bend = self._course.at(self.plain(t))
         centre = self._centres[leg + 1]
         if centre is None:
             return FrameReference(x, None, rate, bend)

@@ -65,6 +65,17 @@ class LiveMotion(ABC, Generic[Place]):
         if self._waiting and self._is_free(now):
             self._redirect(now, self._waiting.popleft())
 
+    @staticmethod
+    def plain(t: float) -> float:
+        """Return a time that is a number [s]. Raises InvalidArgumentError for any other, such as a compiler's symbol.
+
+        A course knows its future only when it is there: what is compiled of it would stay what it is now.
+        """
+        if not isinstance(t, (float, int)):
+            message = f"must be a number, but is {type(t).__name__}: a course that changes as it goes is not compiled"
+            raise InvalidArgumentError("t", message)
+        return t
+
     def _is_free(self, t: float) -> bool:
         """Whether a change can be taken up at time t; else it waits."""
         return True

@@ -64,7 +64,7 @@ class LiveTrajectory(LiveMotion[Array]):
 
     def at(self, t: float) -> Reference:
         """Return position [rad], velocity [rad/s] and acceleration [rad/s²] at time t [s]."""
-        return Reference(*self._course.at(t)[1:])
+        return Reference(*self._course.at(self.plain(t))[1:])
 
     def checked(self, goal: Any) -> Array:
         """Return a goal as a posture. Raises InvalidArgumentError for none, and beyond joint limits."""

@@ -63,7 +63,7 @@ class LiveValue(LiveMotion[Array]):
 
     def __call__(self, t: float) -> Array:
         """Return the numbers at time t [s], of the shape of those at first."""
-        k = bisect_right(self._starts, t) - 1
+        k = bisect_right(self._starts, self.plain(t)) - 1
         if k < 0:
             return np.array(self._origin)
         before, way = self._changes[k]

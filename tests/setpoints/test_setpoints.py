@@ -16,7 +16,9 @@ from phcontrol import (
     ForceFeedback,
     InvalidArgumentError,
     MechanicalSystem,
+    PHControlError,
     UnknownNameError,
+    compile_law,
     load_robot,
     simulate,
 )
@@ -212,3 +214,20 @@ def test_bad_input_is_refused():
     simulate(ARM, law, duration=0.01, setpoint=setpoint)
     with pytest.raises(InvalidArgumentError, match="make a new one"):
         simulate(ARM, law, duration=0.1, setpoint=setpoint)
+
+
+def test_a_law_that_follows_a_live_goal_is_not_compiled():
+    """Its course would stay in C what it was when it was traced: a silent wrong torque."""
+    pytest.importorskip("casadi")
+    law = EnergyShaping.tuned(ARM, reference=LiveTrajectory(ARM.robot))
+    with pytest.raises(PHControlError, match="not compiled"):
+        compile_law(law)
+    stiffness = LiveValue(1.0, rate=1.0)
+    with pytest.raises(InvalidArgumentError, match="a course that changes as it goes"):
+        stiffness(symbol_of_casadi())
+
+
+def symbol_of_casadi():
+    import casadi
+
+    return casadi.SX.sym("t")
