@@ -19,6 +19,11 @@ class Theorem:
     """The thesis's arm for it."""
     errata: str
 
+    @property
+    def claim(self) -> str:
+        """What its certificates are about: the closed loop, from which stability follows."""
+        return f"under the law of {self.name[:1].lower()}{self.name[1:]} the closed loop is {self.closed_loop}"
+
 
 THEOREMS = (
     Theorem("Theorem 3.2.1", "(3.12)", "position control with force feedback is port-Hamiltonian and stable at q_d",
