@@ -219,7 +219,7 @@ def _figure(logs: dict[str, Log]) -> Figure:
 
     from phcontrol.visualization.plots import COLORS, plot_features
 
-    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(8.5, 8.5), layout="constrained")
     figure.suptitle(
         "Figure 5.3: errors of the image features, gains as printed in mm (thick), in m (thin); others dotted"
     )
@@ -231,7 +231,7 @@ def _figure(logs: dict[str, Log]) -> Figure:
         "reduction-100": {"color": COLORS[0], "linewidth": 0.8, "linestyle": ":"},
         "hamiltonian-fast": {"color": COLORS[1], "linewidth": 0.8, "linestyle": ":"},
     }
-    for part, axes in enumerate(figure.subplots(1, 3)):
+    for part, axes in enumerate(figure.subplots(3, 1, sharex=True)):
         for name, style in styles.items():
             plot_features(axes, logs[name], GOAL, part, label=TITLES[name], **style)
         axes.set_xlim(0.0, 12.0)

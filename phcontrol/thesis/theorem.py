@@ -19,6 +19,11 @@ class Theorem:
     """The thesis's arm for it."""
     errata: str
 
+    @property
+    def claim(self) -> str:
+        """What its certificates are about: the closed loop, from which stability follows."""
+        return f"under the law of {self.name[:1].lower()}{self.name[1:]} the closed loop is {self.closed_loop}"
+
 
 THEOREMS = (
     Theorem("Theorem 3.2.1", "(3.12)", "position control with force feedback is port-Hamiltonian and stable at q_d",
@@ -31,7 +36,7 @@ THEOREMS = (
             ("force_control",), "pera_gripper", "E14, E23"),
     Theorem("Theorem 4.2.3", "(4.56)", "impedance grasping brings the arm to the virtual position q_f",
             ("impedance_grasping",), "pera_gripper", "E15, E27"),
-    Theorem("Theorem 5.2.2", "(5.19)", "visual servoing by reduction: p̂ dies out",
+    Theorem("Theorem 5.2.2", "(5.17)", "visual servoing by reduction: p̂ dies out",
             ("reduction_servo",), "pera_shoulder_elbow", "E16 to E18"),
     Theorem("Theorem 5.2.3", "(5.46)", "visual servoing with a port-Hamiltonian closed loop on p̃ and the features",
             ("hamiltonian_servo",), "pera_shoulder_elbow", "E16 to E19"),

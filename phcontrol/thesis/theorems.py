@@ -67,7 +67,7 @@ def _closed_loops(certificates: dict[str, list[Certificate]]) -> list[Claim]:
         residual = max(entry.matching_residual if entry.passed else np.inf for entry in found)
         claims.append(
             Claim(
-                f"closed-loop-{theorem.name.split()[-1]}", f"{theorem.statement}: largest residual of its certificates",
+                f"closed-loop-{theorem.name.split()[-1]}", f"{theorem.claim}: largest residual of its certificates",
                 Origin.THEOREM, f"{theorem.name}, {theorem.closed_loop}", (0.0,), "", MATCHING_TOLERANCE,
                 [Finding((residual,), theorem.errata)],
                 reason=f"{len(found)} certificates on {theorem.robot}: {', '.join(theorem.laws)}, in every form",
