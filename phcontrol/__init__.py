@@ -57,6 +57,7 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
@@ -185,6 +186,7 @@ __all__ = [
     "Log",
     "LoopMode",
     "Matrix",
+    "MatrixDamping",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",
