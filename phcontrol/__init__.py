@@ -65,6 +65,7 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
+from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
@@ -231,6 +232,7 @@ __all__ = [
     "MarkerDetector",
     "MarkerPrint",
     "Matrix",
+    "MatrixDamping",
     "Measured",
     "MechanicalState",
     "MechanicalSystem",

@@ -56,7 +56,7 @@ class ClassicalImpedance(RegulatedLaw):
         aim = self.aim_at_virtual_position(t, x, state)
         effort = -(aim.gradient + self.damping.dot(aim.velocity))
         if x.system.friction is not None:
-            effort += x.damping * aim.velocity
+            effort += x.resistance(aim.velocity)
         force = self._measurement(measured, "external_force") if self.needs else None
         return Shaping(
             effort,

@@ -382,7 +382,7 @@ class Controller(Declared, ABC):
         else:
             force += x.coriolis_matrix.dot(s)
         if x.system.friction is not None:
-            force += x.damping * s
+            force += x.resistance(s)
         return force
 
     def _measurement(self, measured: Measured, name: str) -> Array:

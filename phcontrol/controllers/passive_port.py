@@ -40,6 +40,6 @@ class PassivePort(NamedTuple):
         output = velocity if matrix is None else matrix.T.dot(velocity)
         power = further_losses + velocity.dot(injected)
         if sliding is not None and x.system.friction is not None:
-            friction = x.damping * sliding
+            friction = x.resistance(sliding)
             power, injected = power + sliding.dot(friction), injected + friction
         return cls(output, float(power), injected)

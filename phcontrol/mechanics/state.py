@@ -13,6 +13,7 @@ from phcontrol._validation import Array, choice
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import derivatives, kernels
 from phcontrol.mechanics.friction import Friction
+from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.pose import FrameKinematics
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import REFERENCES, Coupling, Robot, wrapped
@@ -33,6 +34,7 @@ class Plant(Protocol):
     n: int
     robot: Robot
     friction: Friction | None
+    full_damping: MatrixDamping | None
     potentials: tuple[Potential, ...]
     input_matrix: Array | None
     model: pin.Model
@@ -124,13 +126,21 @@ class MechanicalState:
     def damping(self) -> Array:
         """Diagonal of D(q̇), shape (n,) [N·m·s/rad]; zeros without friction (``system.friction is None``)."""
         friction = self.system.friction
+        if self.system.full_damping is not None:
+            diagonal: Array = np.diagonal(self.damping_matrix).copy()
+            return diagonal
         return np.zeros(self.system.n) if friction is None else friction.coefficients(self.velocity)
 
     @lazy
     def friction_torque(self) -> Array:
         """D(q̇)q̇, shape (n,) [N·m]: what friction takes."""
-        torque: Array = self.damping * self.velocity
-        return torque
+        return self.resistance(self.velocity)
+
+    def resistance(self, velocity: Array) -> Array:
+        """Return D(q, q̇)s for a velocity s [rad/s], shape (n,) [N·m]: with a diagonal D one product an entry."""
+        full = self.system.full_damping
+        force: Array = self.damping * velocity if full is None else self.damping_matrix.dot(velocity)
+        return force
 
     def injected_damping(self, damping: Array, velocity: Array) -> Array:
         """Return G C Gᵀv for an injected damping C and a velocity v [rad/s], shape (n,) [N·m]."""
@@ -140,8 +150,9 @@ class MechanicalState:
 
     @lazy
     def damping_matrix(self) -> Array:
-        """D(q̇), shape (n, n), diagonal [N·m·s/rad]."""
-        return np.diag(self.damping)
+        """D(q, q̇), shape (n, n), diagonal but for a :class:`MatrixDamping` [N·m·s/rad]."""
+        full = self.system.full_damping
+        return np.diag(self.damping) if full is None else full.matrix(self.position, self.velocity)
 
     @lazy
     def momentum(self) -> Array:
@@ -224,7 +235,7 @@ class MechanicalState:
         mean *= 0.5
         force = self._newton_euler(mean, self.velocity - mean, acceleration)
         if self.system.friction is not None:
-            force += self.damping * velocity
+            force += self.resistance(velocity)
         for potential in self.system.potentials:
             force += potential.gradient(self.position)
         return force
@@ -318,7 +329,7 @@ class MechanicalState:
         if force is None:
             force = np.zeros(self.system.n)
         if self.system.friction is not None:
-            force = force - self.damping * velocity
+            force = force - self.resistance(velocity)
         if form == "coriolis":
             return _transformed_rate(self.factor, self.coriolis_matrix, velocity, force)
         rate: Array = self.interconnection(form).dot(velocity.dot(self.factor))

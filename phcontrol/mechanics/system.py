@@ -17,6 +17,7 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.coupled_state import CoupledMechanicalState
 from phcontrol.mechanics.friction import Friction, StribeckFriction, check_size
+from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
@@ -39,7 +40,7 @@ class MechanicalSystem:
     Args:
         robot: the arm.
         friction: a friction model, None for a frictionless arm, or "robot" for what the robot's
-            description gives.
+            description gives. :class:`MatrixDamping` for a full D(q, q̇).
         potentials: potentials in addition to gravity and to those of the robot itself (its springs).
         input_matrix: G, (n, n) and invertible; the identity if not given.
         gravity: acceleration of gravity in the world frame [m/s²].
@@ -67,6 +68,10 @@ class MechanicalSystem:
             raise InvalidArgumentError("friction", f"must be a friction model, None or 'robot', but is {friction!r}")
         if isinstance(self.friction, StribeckFriction):
             check_size(self.friction, self.n)
+        self.full_damping: MatrixDamping | None = self.friction if isinstance(self.friction, MatrixDamping) else None
+        """The friction where it is a full D(q, q̇)."""
+        if self.full_damping is not None:
+            self.full_damping.check(robot.home)
         own = sequence("potentials", potentials, "potentials", "gradient", "energy")
         self.potentials: tuple[Potential, ...] = (*robot.potentials, *own)
         self.input_matrix: Array | None = None

@@ -64,7 +64,7 @@ class TrackingTransformation:
         kinetic = 0.5 * x.mass_matrix_derivative.dot(velocity).dot(velocity)
         force: Array = kinetic - x.potential_gradient + self.stiffness.dot(error)
         if x.system.friction is not None:
-            force -= x.damping * velocity
+            force -= x.resistance(velocity)
         force += x.factor.dot(self._momentum_derivative(x, velocity).dot(velocity) - goal.acceleration.dot(x.factor))
         return force
 
