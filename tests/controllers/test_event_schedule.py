@@ -290,3 +290,29 @@ def test_needs_are_those_of_laws_and_events(shoulder):
     assert schedule.needs == ("external_force",)
     with pytest.raises(ph.MissingMeasurementError, match="'touched' needs"):
         schedule.jump(0.0, shoulder.at(GOAL), schedule.initial_state(shoulder.at(GOAL)))
+
+
+def test_in_a_control_loop_it_switches_as_in_simulation_and_begins_anew_after_a_restart(shoulder):
+    """Sampled alike, with the same push; then the loop is stopped and started again."""
+    schedule = EventSchedule([
+        Phase("wait", spring(shoulder), [(Touched(1.0, lasting=0.05), "yield")], within=3.0),
+        Phase("yield", lambda at: spring(shoulder, stiffness=2.0)),
+    ])  # fmt: skip
+    period, push = 4e-3, push_after(0.4, [-1.5, 0.0])
+    log, [switch] = run(shoulder, schedule, disturbance=push, dt=period, control_period=period, duration=1.0)
+    box = ph.ControlBox(shoulder, period=period, disturbance=push)
+    loop = ph.ControlLoop(shoulder, schedule, period, start_time=0.0, clock=lambda: box.time, deadline=9.0)
+    arm, states = ph.SimulatedArm(box), []
+    ph.drive(loop, arm, 1.0, paced=False, each_step=lambda *_: states.append(loop.controller_state))
+    times = np.arange(len(states)) * period
+    [same] = schedule.switches(times, np.array(states))
+    assert loop.fault is None
+    assert (same.leaving, same.entering, same.event) == (switch.leaving, switch.entering, switch.event)
+    assert same.time == pytest.approx(switch.time, abs=2 * period)
+    assert schedule.report(loop.controller_state).startswith("in 'yield'")
+    loop.stop()
+    ph.drive(loop, arm, 0.3, paced=False)
+    loop.restart()
+    ph.drive(loop, arm, 0.02, paced=False)
+    assert schedule.phase(loop.controller_state) == "wait"
+    assert loop.controller_state[1] > 1.0  # its phase began at the restart, not at 0: it waits for its whole time
