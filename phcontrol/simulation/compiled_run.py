@@ -32,6 +32,11 @@ def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) 
         integrator: its name.
         others: what else was asked for, by name; what is not None is not compiled.
     """
+    try:
+        need_casadi()
+    except CompilationError as error:
+        _not_compiled(str(error))
+        return None
     from phcontrol.compilation.compiled_loop import METHODS
 
     present = [name for name, value in others.items() if value is not None]
@@ -67,7 +72,6 @@ def _not_compiled(reason: str) -> None:
 
 def _checked(loop: ClosedLoop, law: Controller, compiler: Any) -> CompiledLoop:
     """Return the loop in C, held against the interpreted one at random instants. Raises CompilationError."""
-    need_casadi()
     from phcontrol.compilation.compiled_loop import NOT_COMPILED, CompiledLoop
     from phcontrol.compilation.instants import instants
 
