@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +16,7 @@ from phcontrol.compilation.cache import compiled
 from phcontrol.compilation.compiler import Compiler
 from phcontrol.compilation.errors import CompilationError
 from phcontrol.compilation.instants import instants
+from phcontrol.compilation.law_inputs import law_numbers, structure_of
 from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
 from phcontrol.compilation.trace import TracedLaw, trace_law
 from phcontrol.compilation.traced_state import TracedState, traced_system
@@ -127,6 +129,7 @@ class CompiledLoop:
             raise CompilationError(f"{law.name} needs more measured than forces, which no loop in C gives it")
         traced = trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)])
         self.n, self.numbers = plant.n, traced.numbers
+        self.plant, self.structure = plant, structure_of(law)
         self.library = compiled(_source(plant, law, traced), compiler, native=native)
         try:
             self._loaded = ctypes.CDLL(str(self.library))
@@ -138,6 +141,14 @@ class CompiledLoop:
             *[_VECTOR] * 6, ctypes.POINTER(ctypes.c_long),
         ]  # fmt: skip
         self._field.argtypes = [ctypes.c_double, *[_VECTOR] * 6]
+
+    def under(self, law: Controller) -> CompiledLoop | None:
+        """Return the same loop under a law of other gains or goals, by the same code; None where that is another."""
+        if structure_of(law) != self.structure:
+            return None
+        other = copy.copy(self)
+        other.numbers = law_numbers(law)
+        return other
 
     def field(self, t: float, y: Array, force: Array, limit: Array | None) -> tuple[int, Array, Array]:
         """Return what a run would say there, ẏ and the torque."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -134,6 +135,11 @@ def _still(law: Controller, traced: TracedLaw, damped: bool) -> list[Any]:
     return [entry.expression if type(entry) is Symbol else casadi.SX(float(entry)) for entry in torque]
 
 
+def _harmless(text: str) -> str:
+    """Return a name from a file without what would end a comment in C, or a line."""
+    return re.sub(r"[^\w .,:()+-]", "?", text)
+
+
 def _texts(
     law: Controller, traced: TracedLaw, functions: list[Function], cases: list[_Case], operations: int, single: bool
 ) -> dict[str, str]:
@@ -156,7 +162,8 @@ def _texts(
     stop = function("stop", traced.inputs, [], _still(law, traced, damped=True), single)
     names = ", ".join(f"{name} ({size})" for name, size in layout.measured) or "nothing"
     forces = [name for name, _ in layout.measured] == ["external_force"]
-    title = f"{type(law).__name__} ({law.interconnection}) of {law.system.robot.name}, {joints} joints."
+    robot = _harmless(law.system.robot.name)
+    title = f"{_harmless(type(law).__name__)} ({law.interconnection}) of {robot}, {joints} joints."
     common = {
         "title": title, "version": __version__, "real": real, "joints": joints, "states": states,
         "measured": measured, "measured_names": names, "operations": operations,
@@ -178,10 +185,10 @@ def _texts(
     )
     readme = export_texts.README.format(
         **common,
-        law=law.name,
-        robot=law.system.robot.name,
+        law=_harmless(law.name),
+        robot=robot,
         cases=len(cases),
-        joint_names=", ".join(law.system.robot.joint_names),
+        joint_names=_harmless(", ".join(law.system.robot.joint_names)),
         libfranka_measured="state.tau_ext_hat_filtered.data()" if forces else "measured" if measured else "nullptr",
         ros_measured="measured" if measured else "nullptr",
     )

@@ -20,6 +20,12 @@ from phcontrol.mechanics.system import MechanicalSystem
 _LEFT_ALONE = ("_given", "_found", "parameters")
 
 
+def _plain(thing: Any) -> Any:
+    """Return the interpreted law of a compiled one, as a schedule may hold it."""
+    interpreted = getattr(thing, "interpreted", None) if isinstance(thing, Controller) else None
+    return thing if interpreted is None else interpreted
+
+
 def _left_alone(thing: Any, name: str) -> bool:
     """Whether an attribute is not looked into: what was given, and what is computed on first use."""
     return name in _LEFT_ALONE or isinstance(getattr(type(thing), name, None), lazy)
@@ -60,6 +66,7 @@ def with_inputs(law: Controller, system: Any, make: Callable[[list[float]], list
     kept: list[Any] = []
 
     def turned(thing: Any) -> Any:
+        thing = _plain(thing)
         if id(thing) in made:
             return made[id(thing)]
         result = _turned(thing)
@@ -122,6 +129,7 @@ def structure_of(law: Controller, inertias: bool = False) -> list[Any]:
     kept: list[Any] = []
 
     def look(thing: Any) -> None:
+        thing = _plain(thing)
         if isinstance(thing, (bool, int, float, str, type(None))):
             found.append(repr(thing))
             return

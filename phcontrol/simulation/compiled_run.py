@@ -14,14 +14,14 @@ from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casa
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.controllers.controller import Controller
-from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.vector_field import ClosedLoop
 
 if TYPE_CHECKING:
     from phcontrol.compilation.compiled_loop import CompiledLoop
 
 _CHECKED = 12  # random instants at which a loop is held against the interpreted one
-_MADE: WeakKeyDictionary[Controller, tuple[MechanicalSystem, CompiledLoop]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[Controller, CompiledLoop] = WeakKeyDictionary()
+"""The last loop that each law was compiled in."""
 
 
 def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) -> CompiledLoop | None:
@@ -32,6 +32,11 @@ def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) 
         integrator: its name.
         others: what else was asked for, by name; what is not None is not compiled.
     """
+    try:
+        need_casadi()
+    except CompilationError as error:
+        _not_compiled(str(error))
+        return None
     from phcontrol.compilation.compiled_loop import METHODS
 
     present = [name for name, value in others.items() if value is not None]
@@ -50,14 +55,14 @@ def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) 
         return None
     law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
     known = _MADE.get(loop.controller)
-    if known is not None and known[0] is loop.plant:
-        return known[1]
+    if known is not None and known.plant is loop.plant:
+        return known
     try:
         made = _checked(loop, law, compiler)
     except CompilationError as error:
         _not_compiled(str(error))
         return None
-    _MADE[loop.controller] = loop.plant, made
+    _MADE[loop.controller] = made
     return made
 
 
@@ -67,11 +72,11 @@ def _not_compiled(reason: str) -> None:
 
 def _checked(loop: ClosedLoop, law: Controller, compiler: Any) -> CompiledLoop:
     """Return the loop in C, held against the interpreted one at random instants. Raises CompilationError."""
-    need_casadi()
     from phcontrol.compilation.compiled_loop import NOT_COMPILED, CompiledLoop
     from phcontrol.compilation.instants import instants
 
-    made = CompiledLoop(loop.plant, law, compiler)
+    alike = (other.under(law) for other in list(_MADE.values()) if other.plant is loop.plant)
+    made = next((found for found in alike if found is not None), None) or CompiledLoop(loop.plant, law, compiler)
     plain = ClosedLoop(loop.plant, law, np.zeros(loop.n))
     worst, looked = 0.0, 0
     for instant, _ in instants(law, _CHECKED, seed=3):

@@ -404,3 +404,15 @@ def test_laws_that_run_in_other_threads_while_one_is_traced_are_right(shoulder):
         thread.join()
     assert wrong == []
     assert count[0] > 100
+
+
+def test_a_schedule_of_compiled_laws_is_compiled_as_one(shoulder):
+    laws = [make_controller(name, shoulder) for name in ("energy_shaping", "force_feedback")]
+    plain = Schedule([(0.0, laws[0]), (1.0, laws[1])])
+    parts = Schedule([(0.0, compile_law(laws[0])), (1.0, compile_law(laws[1]))])
+    for schedule in (parts, compile_law(parts)):
+        for t in (0.5, 1.0, 1.5):
+            x, state = shoulder.at([0.1, 0.2], [0.3, -0.4]), np.array([0.1, -0.2])
+            expected, found = plain.evaluate(t, x, state), schedule.evaluate(t, x, state)
+            np.testing.assert_allclose(found.torque, expected.torque, rtol=1e-12)
+            np.testing.assert_allclose(found.state_rate, expected.state_rate, rtol=1e-10, atol=1e-12)

@@ -139,3 +139,12 @@ def test_a_run_that_diverges_says_so_as_the_interpreted_one(shoulder):
             simulate(shoulder, law, duration=1.0, compiled=compiled, torque_limit=None)
         ends.append(str(caught.value))
     assert ends[0] == ends[1]
+
+
+def test_a_sweep_of_gains_needs_one_trace(shoulder, monkeypatch):
+    law = make_controller("force_feedback", shoulder, goal=[0.4, 0.6])
+    simulate(shoulder, law, duration=0.02, compiled=True)
+    monkeypatch.setattr("phcontrol.compilation.compiled_loop.trace_law", lambda *_: pytest.fail("traced again"))
+    for stiffness in (10.0, 40.0):
+        both(shoulder, law.changed(stiffness=stiffness), duration=0.1)
+    both(shoulder, law, duration=0.1)

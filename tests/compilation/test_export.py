@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import shutil
 import subprocess
@@ -9,7 +10,7 @@ import subprocess
 import pytest
 from typer.testing import CliRunner
 
-from phcontrol import make_controller
+from phcontrol import MechanicalSystem, load_robot, make_controller
 from phcontrol.cli import app
 from phcontrol.compilation.export import export_law
 from tests.conftest import make_system
@@ -129,3 +130,10 @@ def test_the_doctor_says_what_is_there_and_what_is_missing(monkeypatch, tmp_path
     assert result.exit_code == 0
     assert "missing: a C compiler" in result.stdout
     assert "refused, others may use it" in result.stdout
+
+
+def test_a_name_does_not_become_code(compiler, tmp_path):
+    robot = dataclasses.replace(load_robot("pera_shoulder"), name="arm */ \n#error planted /*")
+    system = MechanicalSystem(robot)
+    export_law(make_controller("energy_shaping", system), tmp_path / "law")
+    check(tmp_path / "law", compiler, 1e-12)
