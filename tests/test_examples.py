@@ -122,3 +122,29 @@ def test_every_example_is_tested_and_says_what_it_is():
     for path in EXAMPLES.glob("*.py"):
         assert f'"{path.name}"' in tests, path.name
         assert path.read_text().startswith('"""')
+
+
+def test_cartesian_impedance(tmp_path, monkeypatch):
+    it = run("cartesian_impedance.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    np.testing.assert_allclose(it["moved"], it["expected"], atol=5e-6)
+    assert it["turned"] > 0.2
+    assert it["log"].tank_level.min() > 0.02
+    assert (tmp_path / "cartesian_impedance.html").exists()
+
+
+def test_variable_stiffness(tmp_path, monkeypatch):
+    it = run("variable_stiffness.py", tmp_path, monkeypatch)
+    assert it["certificate"].passed
+    assert it["excess"]["unpaid"].max() > 1.0
+    assert it["excess"]["cartesian_impedance"].max() < 1e-6
+    assert it["level"].min() >= 0.02
+
+
+def test_wipe_table(tmp_path, monkeypatch):
+    it = run("wipe_table.py", tmp_path, monkeypatch)
+    assert it["certificate"].verdict == "PASSED AS DRIVEN"
+    assert it["off"] < 0.5
+    assert it["way"] > 0.3
+    assert it["drag"] == pytest.approx(0.4 * 10.0, rel=0.02)
+    assert it["balance"].energy_drift < 1e-4

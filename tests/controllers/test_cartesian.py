@@ -30,6 +30,7 @@ from phcontrol import (
     simulate,
 )
 from phcontrol.controllers.shaping import EMPTY
+from phcontrol.runs.cartesian import run_cartesian
 from tests.controllers.arms import arm
 
 ARMS = ("panda", "pera", "kinova", "z1", "ur5")
@@ -277,6 +278,42 @@ def test_an_unknown_load_leaves_no_error_of_the_task_with_integral_action(name, 
         )
     assert errors[EnergyShaping] > 1e-2
     assert errors[IntegralAction] < (1e-3 if moving else 1e-5)
+
+
+@pytest.mark.parametrize("path", [None, "line", "file"])
+def test_runs_of_the_command_line(tmp_path, path):
+    """A push of 10 N at 200 N/m leaves 50 mm; a path is followed, from a file too, and all is written."""
+    system, push = arm("panda"), [0.0, 0.0, -10.0] if path is None else None
+    name = "cartesian_impedance" if path is None else "cartesian_tracking"
+    if path == "file":
+        path = tmp_path / "path.csv"
+        first = pose(system, system.robot.near_home()).translation
+        rows = [[t, first[0], first[1] + 0.05 * (1.0 - np.cos(np.pi * t / 2.0)), first[2]] for t in (0, 0.5, 1, 1.5, 2)]
+        path.write_text("\n".join(",".join(map(str, row)) for row in rows))
+    stiffness = [600.0, 600.0, 200.0] if path else [600.0, 600.0, 200.0, 30.0, 30.0, 30.0]
+    result = run_cartesian(
+        system, controller=name, stiffness=stiffness, push=push, path=str(path), duration=2.5, samples=8, dt=2e-3
+    )
+    assert result.certificate.passed, str(result.certificate)
+    if path is None:
+        assert result.final_error == pytest.approx(0.05, rel=0.01)
+        assert "50" in result.outcome
+    else:
+        assert np.linalg.norm(result.hand_errors[:, :3], axis=1).max() < 1e-5
+    assert [file.name for file in result.write(tmp_path)] == ["log.npz", "certificate.json", "hand.png"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stiffness": [1.0, 2.0]}, "three numbers"),
+        ({"push": [1.0]}, "x,y,z"),
+        ({"controller": "energy_shaping"}, "no hand on a spring"),
+    ],
+)
+def test_runs_refuse_bad_input(options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        run_cartesian(arm("panda"), **options)
 
 
 # --- what is refused -----------------------------------------------------------------------------------------
