@@ -32,8 +32,8 @@ def test_the_rest_is_all_for_the_laws_of_the_thesis(law):
     assert found.only_rest
 
 
-def test_integral_action_is_seen_from_its_output_and_grasping_is_only_detectable():
-    """ŷ = 0 holds ξ at f_e (Theorem 3.2.5); for grasping q̄ and q_rl relax where ŷ = 0, by −K_p e: (4.56)."""
+def test_integral_action_and_grasping_are_seen_from_their_outputs():
+    """ŷ = 0 holds ξ at f_e (Theorem 3.2.5); grasping leaves nothing where ŷ = 0 (Theorem 4.2.3)."""
     system = make_system("pera_shoulder")
     grasping = invariant_set(make_controller("impedance_grasping", system), system)
     assert grasping.detectable
