@@ -299,7 +299,12 @@ def test_runs_of_the_command_line(tmp_path, path):
         assert result.final_error == pytest.approx(0.05, rel=0.01)
         assert "50" in result.outcome
     else:
-        assert np.linalg.norm(result.hand_errors[:, :3], axis=1).max() < 1e-5
+        errors = np.linalg.norm(result.hand_errors[:, :3], axis=1)
+        if path == "line":
+            assert errors.max() < 1e-5
+        else:  # a spline through five points does not start at rest, as the arm does: what that costs fades
+            assert errors.max() < 1e-3
+            assert errors[-1] < 0.3 * errors.max()
     assert [file.name for file in result.write(tmp_path)] == ["log.npz", "certificate.json", "hand.png"]
 
 
