@@ -112,7 +112,7 @@ def _claims(logs: dict[str, Log], long_run: Log, others: dict[float, Log]) -> li
         Claim(
             "reached-from-3s", "force feedback has the arm at q_d, to within 0.01 rad, from 3 s", Origin.TEXT,
             "section 3.4", (3.0,), "s", WHOLE_SECOND,
-            [Finding((_from(measured, GOAL),), "E8 to E10", chosen=SMOOTHED)],
+            [Finding((_from(measured, GOAL),), "E8 to E10", chosen=SMOOTHED, fitted=True)],
             reason="printed in whole seconds. It overshoots, as it must from a step, and comes back; by α_f from "
             + ", ".join(f"{_from(log, GOAL):.1f} s ({smoothing})" for smoothing, log in others.items()),
         ),
@@ -143,7 +143,7 @@ def _claims(logs: dict[str, Log], long_run: Log, others: dict[float, Log]) -> li
         Claim(
             "recovered-from-11s", "integral action, switched on at 10 s, has it back at q_d from 11 s", Origin.TEXT,
             "section 3.4", (11.0,), "s", WHOLE_SECOND,
-            [Finding((_from(measured, GOAL, INTEGRAL_FROM),), "E13", chosen=SMOOTHED)],
+            [Finding((_from(measured, GOAL, INTEGRAL_FROM),), "E13", chosen=SMOOTHED, fitted=True)],
             reason="printed in whole seconds; by α_f from "
             + ", ".join(f"{_from(log, GOAL, INTEGRAL_FROM):.1f} s ({s})" for s, log in others.items()),
         ),
