@@ -17,6 +17,7 @@ from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.setpoints.live_parts import live_parts
 
 STOP = "stop"
 """The phase that a schedule ends in when what it waits for does not come."""
@@ -323,6 +324,9 @@ def _law(phase: Phase, at: HandOver, system: MechanicalSystem) -> Controller:
         raise InvalidArgumentError("law", f"of phase '{phase.name}' must be one law, but is {type(made).__name__}")
     if made.system is not system:
         raise InvalidArgumentError("phases", "all laws must be made with the same system")
+    if live_parts(made):
+        message = "follows a live goal, whose time is the loop's: here each law's begins with its phase; use a Schedule"
+        raise InvalidArgumentError("law", f"of phase '{phase.name}' {message}")
     return made
 
 

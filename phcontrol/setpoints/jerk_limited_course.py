@@ -71,7 +71,7 @@ class JerkLimitedCourse:
         given.current_velocity, given.current_acceleration = velocity.tolist(), acceleration.tolist()
         try:
             result = self._generator.calculate(given, leg)
-        except self._ruckig.RuckigError as error:
+        except (self._ruckig.RuckigError, ValueError) as error:
             raise PHControlError(f"there is no motion within the limits to {goal}: {error}") from error
         if result not in (self._ruckig.Result.Working, self._ruckig.Result.Finished):
             raise PHControlError(f"there is no motion within the limits to {goal}: {result}")

@@ -9,12 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array, positive
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.setpoints.jerk_limited_course import JerkLimitedCourse, Limits
 from phcontrol.setpoints.live_motion import LiveMotion
 from phcontrol.trajectories.frame_path import FrameReference, frame_name
 from phcontrol.trajectories.pose import Pose, pose
 
+_FARTHEST = 1000.0  # of a goal from the world's origin [m]
 _SMALL = 1e-4  # θ², below which series are taken
 
 
@@ -98,6 +99,8 @@ class LiveFramePath(LiveMotion[Place]):
         if (place.rotation is None) != (not self._turns):
             wanted = "a point: the orientation is left free" if not self._turns else "a pose, with an orientation"
             raise InvalidArgumentError("goal", f"must be {wanted}, as the path's origin is")
+        if np.abs(place.position).max() > _FARTHEST:
+            raise InvalidArgumentError("goal", f"must be in metres, within {_FARTHEST:g} m, but is {place.position}")
         return place
 
     def _redirect(self, t: float, goal: Place) -> None:
@@ -106,9 +109,13 @@ class LiveFramePath(LiveMotion[Place]):
             self._course.redirect(t, now.position, now.twist, now.acceleration, target)
             return
         turn: Array = pin.log3(goal.rotation @ now.rotation.T)
-        self._centres.append(now.rotation)  # where φ = 0, ω = φ̇ and ω̇ = φ̈
-        here = np.concatenate([now.position, np.zeros(3)])
-        self._course.redirect(t, here, now.twist, now.acceleration, np.concatenate([target, turn]))
+        here = np.concatenate([now.position, np.zeros(3)])  # where φ = 0, ω = φ̇ and ω̇ = φ̈
+        self._centres.append(now.rotation)  # first: at() on another thread goes by the course
+        try:
+            self._course.redirect(t, here, now.twist, now.acceleration, np.concatenate([target, turn]))
+        except PHControlError:
+            self._centres.pop()
+            raise
 
 
 def _turning(phi: Array, rate: Array, bend: Array) -> tuple[Array, Array]:

@@ -7,8 +7,10 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
 from phcontrol._validation import number
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 
 Place = TypeVar("Place")
 """What is reached: a posture, a pose, numbers."""
@@ -26,7 +28,7 @@ class LiveMotion(ABC, Generic[Place]):
     """
 
     def __init__(self, origin: Place) -> None:
-        self._origin, self._asked = origin, origin
+        self._origin, self._asked, self._taken = origin, origin, origin
         self._waiting: deque[Place] = deque(maxlen=1)  # appending replaces; both ends are safe from any thread
         self._now = -math.inf
 
@@ -56,14 +58,22 @@ class LiveMotion(ABC, Generic[Place]):
     def advance(self, t: float) -> None:
         """Take up what was asked for, from time t on [s]; called before the course is asked for at t.
 
-        Raises InvalidArgumentError when time goes backwards.
+        Raises InvalidArgumentError when time goes backwards, PHControlError when there is no way to what was asked for
+        within the limits: then the course goes on to the last goal.
         """
         now = number("t", t)
         if now < self._now:
             raise InvalidArgumentError("t", f"must not go backwards, but {now:g} s comes after {self._now:g} s")
         self._now = now
         if self._waiting and self._is_free(now):
-            self._redirect(now, self._waiting.popleft())
+            goal = self._waiting.popleft()
+            try:
+                self._redirect(now, goal)
+            except PHControlError:
+                if not self._waiting:
+                    self._asked = self._taken
+                raise
+            self._taken = goal
 
     @staticmethod
     def plain(t: float) -> float:
@@ -71,7 +81,7 @@ class LiveMotion(ABC, Generic[Place]):
 
         A course knows its future only when it is there: what is compiled of it would stay what it is now.
         """
-        if not isinstance(t, (float, int)):
+        if not isinstance(t, (float, int, np.floating, np.integer)):
             message = f"must be a number, but is {type(t).__name__}: a course that changes as it goes is not compiled"
             raise InvalidArgumentError("t", message)
         return t

@@ -40,6 +40,8 @@ class Setpoint:
     def __init__(self, **parts: LiveMotion[Any]) -> None:
         if not parts:
             raise InvalidArgumentError("parts", "must name what can be changed, for instance goal=LiveTrajectory(...)")
+        if "at" in parts:
+            raise InvalidArgumentError("at", "is the time of a change, and no name for a part: call it otherwise")
         for name, part in parts.items():
             if not isinstance(part, LiveMotion):
                 message = f"must be live, for instance a LiveFramePath or LiveValue, but is {type(part).__name__}"

@@ -34,6 +34,8 @@ def pose(name: str, value: Pose) -> tuple[Array, Array | None]:
         return array, None
     if array.shape != (4, 4):
         raise InvalidArgumentError(name, f"{_FORMS}, but has shape {array.shape}")
+    if not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
+        raise InvalidArgumentError(name, f"must have the last row (0, 0, 0, 1), but has {array[3]}")
     return array[:3, 3], rotation(name, array[:3, :3])
 
 

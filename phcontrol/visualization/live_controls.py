@@ -29,8 +29,8 @@ class LiveControls:
     Args:
         setpoint: whose parts are shown.
         reach: how far a hand's goal can be moved along each axis of the world [m].
-        ranges: of values, by the name of the part: lowest and highest; by default a tenth to three times what they
-            are at first.
+        ranges: of values, by the name of the part: lowest and highest; by default a tenth to three times the largest
+            of them at first.
 
     Raises InvalidArgumentError for ranges of what is no value, or that do not hold what it is at first.
     """
@@ -100,7 +100,8 @@ class LiveControls:
         assert isinstance(part, LiveValue)
         values = np.ravel(part.goal)
         most = float(np.abs(values).max(initial=0.0))
-        low, high = self._ranges.get(name, (0.1 * most, 3.0 * most))
+        usual = min(0.1 * most, float(values.min(initial=most))), max(3.0 * most, 1.0)
+        low, high = self._ranges.get(name, usual)
         if not low < high or (values < low).any() or (values > high).any():
             raise InvalidArgumentError("ranges", f"of '{name}' must hold {values}, but are from {low} to {high}")
         return [

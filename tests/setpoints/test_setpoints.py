@@ -11,11 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phcontrol import (
+    After,
     ControlLoop,
     EnergyShaping,
+    EventSchedule,
     ForceFeedback,
     InvalidArgumentError,
     MechanicalSystem,
+    Phase,
     PHControlError,
     UnknownNameError,
     compile_law,
@@ -24,6 +27,7 @@ from phcontrol import (
 )
 from phcontrol.potentials import FrameSpring
 from phcontrol.setpoints import LiveFramePath, LiveTrajectory, LiveValue, Setpoint
+from phcontrol.setpoints.live_parts import live_parts
 
 ARM = MechanicalSystem(load_robot("pera_shoulder_elbow"))
 FRAME = "panda_hand_tcp"
@@ -201,6 +205,15 @@ def test_bad_input_is_refused():
     with pytest.raises(InvalidArgumentError, match="must be a point"):
         path.request(np.eye(4))
     pose = LiveFramePath(FRAME, np.eye(4))
+    for goal_, words in (
+        ((np.array([1e6, 0.0, 0.0]), np.eye(3)), "within 1000 m"),
+        (np.diag([1.0, 1.0, 1.0, 2.0]), "last row"),
+        (np.block([[np.eye(3), np.zeros((3, 1))], [np.ones((1, 3)), np.ones((1, 1))]]), "last row"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=words):
+            pose.request(goal_)
+    with pytest.raises(InvalidArgumentError, match="no name for a part"):
+        Setpoint(at=goal)
     with pytest.raises(InvalidArgumentError, match="rotation is none"):
         pose.request((np.zeros(3), 1.1 * np.eye(3)))
     for limits in ({"speed": 0.0}, {"turning_speed": -1.0}, {"acceleration": np.inf}, {"jerk": 0.0}):
@@ -214,6 +227,38 @@ def test_bad_input_is_refused():
     simulate(ARM, law, duration=0.01, setpoint=setpoint)
     with pytest.raises(InvalidArgumentError, match="make a new one"):
         simulate(ARM, law, duration=0.1, setpoint=setpoint)
+
+
+def test_a_goal_that_cannot_be_reached_within_the_limits_changes_nothing():
+    """Ruckig fails for ways that take too long: the path goes on, with the orientation that it had."""
+    start = (np.zeros(3), turned((0.1, 0.2, 0.3)))
+    path = LiveFramePath(FRAME, start, speed=1e-12)
+    path.request((np.zeros(3), turned((0.9, 0.2, 0.3))))
+    path.advance(0.0)
+    path.request((np.array([900.0, 0.0, 0.0]), turned((0.9, 0.2, 0.3))))
+    before = path.at(0.5)
+    with pytest.raises(PHControlError, match="no motion within the limits"):
+        path.advance(0.1)
+    for mine, theirs in zip(before, path.at(0.5), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    np.testing.assert_allclose(path.goal.position, 0.0)
+    path.advance(100.0)
+    assert path.has_arrived
+    path.request(start)
+    path.advance(101.0)
+    np.testing.assert_allclose(path.at(300.0).rotation, start[1], atol=1e-9)
+    np.testing.assert_allclose(path.at(101.0).rotation, turned((0.9, 0.2, 0.3)), atol=1e-9)
+
+
+def test_a_schedule_on_events_refuses_live_goals():
+    """The clocks of its laws begin with their phases, that of a live goal with the loop's."""
+    live = LiveTrajectory(ARM.robot)
+    laws = [EnergyShaping.tuned(ARM), EnergyShaping.tuned(ARM, reference=live)]
+    with pytest.raises(InvalidArgumentError, match="phase 'b' follows a live goal"):
+        EventSchedule([Phase("a", laws[0], [(After(1.0), "b")], within=2.0), Phase("b", laws[1])])
+    assert live_parts(laws[1]) == [live]
+    assert live_parts([lambda t: live.at(t)]) == [live]
+    assert live_parts(laws[0]) == []
 
 
 def test_a_law_that_follows_a_live_goal_is_not_compiled():
