@@ -29,7 +29,7 @@ from phcontrol import (
 from phcontrol.controllers.registry import CONTROLLERS
 
 PERIOD = 1e-3  # [s]
-LAWS = [name for name, entry in CONTROLLERS.items() if "features" not in entry.needs]  # those that need no camera
+LAWS = [name for name, entry in CONTROLLERS.items() if entry.law.run == "position"]  # those that go to a posture
 ARMS = {"pera": (), "panda": ("panda_finger_joint1", "panda_finger_joint2")}  # and what is locked
 MARGIN = 0.01  # how far inside its position limits the filter keeps the arm [rad]
 

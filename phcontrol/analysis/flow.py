@@ -35,6 +35,11 @@ class Flow:
         self._acceleration = plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
         self._unit = STEP / max(1.0, float(np.abs(at.velocity).max()))
 
+    @property
+    def rounding(self) -> float:
+        """What rounding of a number of size 1 leaves in its rate [1/s]."""
+        return float(np.finfo(float).eps) / self._unit
+
     def seen(self, shift: float) -> Seen:
         """Return the law ``shift`` seconds along the flow, where sensors show the same forces, and objects as then."""
         at = self._at

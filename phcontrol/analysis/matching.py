@@ -26,6 +26,7 @@ _STRETCHES = (
 )  # of the step: a law is wrong with every one, a bend within a step is not
 _CLOSE_ENOUGH = 1e-8  # of a row's terms: then no other step is tried
 _MOVING = 0.75  # quantile of a row's terms that is taken for what they are where things move
+_SEEN = 1e7  # times the rounding of a rate, of which a millionth is seen
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
 _NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
 _SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
@@ -90,7 +91,8 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         if (residual <= _CLOSE_ENOUGH * terms).all() and slope_error <= _CLOSE_ENOUGH * power:
             break
     supplied = float(target.gradient @ (target.port @ at.force + driven))
-    terms = np.maximum(terms, np.abs(rate))
+    # a coordinate that stands at its largest, as an entry of a rotation, has a rate that is rounding
+    terms = np.maximum(np.maximum(terms, np.abs(rate)), _SEEN * flow.rounding * np.abs(target.coordinates))
     return StateFigures(
         residual=residual,
         terms=terms,

@@ -249,7 +249,10 @@ def make_controller(
     """Make a law by its name with gains that suit the robot; ``options`` replaces any of them.
 
     The name is a registered one, that of a law of an installed package, or "my_module:MyLaw". Raises UnknownNameError
-    for an unknown law or option, listing those that exist, and what ``find_law`` raises.
+    for an unknown law or option, listing those that exist, InvalidArgumentError for an arm of too few joints, and what
+    ``find_law`` raises.
     """
     entry = find_law(name)
+    if getattr(system, "n", entry.minimum_joints) < entry.minimum_joints:
+        raise InvalidArgumentError("system", f"has {system.n} joints, but {name} needs at least {entry.minimum_joints}")
     return entry.law.tuned(system, goal, interconnection=interconnection, **(entry.options | options))

@@ -168,7 +168,7 @@ class Stage:
             )
         )
         for value in self.values[len(VALUES) :]:
-            parts.append(row["tank_level" if value["name"] == "tank" else "contact_force"])
+            parts.append(row.get("tank_level", 0.0) if value["name"] == "tank" else row["contact_force"])
         parts.extend(here[self.trail].translation)
         if self.image is not None:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))

@@ -37,27 +37,31 @@ def test_every_law_is_what_it_claims_on_every_arm(law, arm, form):
 def test_every_law_is_what_it_claims_with_gears_and_coupled_gains(law, form):
     """G not the identity, and full matrices as gains: nothing diagonal to hide behind."""
     rng = np.random.default_rng(3)
-    gears = np.eye(3) + 0.3 * rng.normal(size=(3, 3))
-    system = MechanicalSystem(load_robot("pera_shoulder_elbow"), input_matrix=gears)
-    controller = make_controller(law, system, interconnection=form, **coupled_gains(law, rng))
+    arm = "pera_shoulder_elbow" if CONTROLLERS[law].minimum_joints <= 3 else "ur5"
+    robot = load_robot(arm)
+    gears = np.eye(robot.n) + 0.3 * rng.normal(size=(robot.n, robot.n))
+    system = MechanicalSystem(robot, input_matrix=gears)
+    controller = make_controller(law, system, interconnection=form, **coupled_gains(law, rng, make_system(arm)))
     certificate = certify(controller, samples=20)
     assert certificate.passed, str(certificate)
 
 
+NO_GAINS = ("goal", "trajectory", "posture_gain", "path", "preferred_posture")
 SCALARS = (Flag, NonNegative, Positive, PositiveVector)  # what is no matrix
 
 
-def coupled_gains(law, rng):
-    known = CONTROLLERS[law].law.default_gains(make_system("pera_shoulder_elbow"), np.ones(3))
+def coupled_gains(law, rng, system):
+    known = CONTROLLERS[law].law.default_gains(system, np.ones(system.n), given=CONTROLLERS[law].options)
     gains, parameters = {}, CONTROLLERS[law].law.parameters
     for name in known:
-        root = rng.normal(size=(3, 3))
+        n = 3 if name.endswith("ional_stiffness") else system.n
+        root = rng.normal(size=(n, n))
         if name == "coupling":
-            gains[name] = root + 3.0 * np.eye(3)
+            gains[name] = root + 3.0 * np.eye(n)
         elif name == "force":
             gains[name] = root[0]
-        elif name not in ("goal", "trajectory", "posture_gain") and not isinstance(parameters[name], SCALARS):
-            gains[name] = root @ root.T + np.eye(3)
+        elif name not in NO_GAINS and not isinstance(parameters[name], SCALARS):
+            gains[name] = root @ root.T + np.eye(n)
     if "rate" in gains:  # KΛ + ΛᵀK must be positive definite
         gains["rate"] = gains["rate"] @ gains["stiffness"]
     return gains
