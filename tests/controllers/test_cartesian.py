@@ -377,6 +377,24 @@ def test_paths_that_do_not_fit_are_refused(panda):
         CartesianImpedance(panda, reference=joints, **HAND)
 
 
+@pytest.mark.parametrize("law", ["cartesian", "shaping"])
+def test_a_path_of_points_does_not_go_with_a_spring_that_turns(panda, law):
+    """What the path leaves free would be turned to the axes of the world; with a free orientation it is followed."""
+    start, end = pose(panda, POSTURES[0]), pose(panda, POSTURES[1])
+    path = FrameLine(panda.hand_frame, start.translation, end.translation, 2.0)
+
+    def made(stiffness):
+        if law == "cartesian":
+            held = {"translational_stiffness": 300.0, "rotational_stiffness": stiffness}
+            return CartesianImpedance(panda, reference=path, **held)
+        spring = FrameSpring(panda.hand_frame, start, translational_stiffness=300.0, rotational_stiffness=stiffness)
+        return EnergyShaping.tuned(panda, potential=spring, reference=path)
+
+    with pytest.raises(InvalidArgumentError, match=r"^reference: leaves the orientation of '.*' free"):
+        made(10.0)
+    assert made(None).reference is path
+
+
 def test_a_goal_out_of_reach_says_by_how_much(panda):
     """A point 3 m off along x from the shoulder's axis: what is left is 3 m less the length of the arm."""
     with pytest.warns(UserWarning, match="out of reach, by") as caught:
