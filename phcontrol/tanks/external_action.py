@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, number, vector
@@ -19,11 +22,12 @@ class ExternalAction(Action):
     Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills.
 
     Args:
-        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``; it must depend on nothing else.
+        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``, whose arrays are read-only; it must
+            depend on nothing else.
         duration: how long it goes on changing with time [s]; 0 for a function that does not use t.
 
     Raises:
-        InvalidArgumentError: the function cannot be called, or does not return n finite numbers.
+        InvalidArgumentError: the function cannot be called, does not return n finite numbers, or writes to the state.
 
     Example:
         >>> import numpy as np
@@ -46,4 +50,31 @@ class ExternalAction(Action):
 
     def torque(self, t: float, x: MechanicalState) -> Array:
         """Return what the function returns, shape (n,) [N·m]."""
-        return vector("what the function of an ExternalAction returns", self.function(t, x), x.system.n)
+        try:
+            torque = self.function(t, _own_state(x))
+        except ValueError as error:
+            if "read-only" not in str(error):
+                raise
+            name = getattr(self.function, "__qualname__", type(self.function).__name__)
+            message = f"'{name}' of an ExternalAction writes to the state that it is given: let it copy the array first"
+            raise InvalidArgumentError("function", message) from error
+        return vector("what the function of an ExternalAction returns", torque, x.system.n)
+
+
+def _own_state(x: MechanicalState) -> MechanicalState:
+    """Return the same state made of copies, whose arrays cannot be written to."""
+    return _read_only(x.system.state_type)(x.system, x.position.copy(), x.velocity.copy())
+
+
+@cache
+def _read_only(kind: type[MechanicalState]) -> type[MechanicalState]:
+    """Return a kind of state that hands out its arrays read-only."""
+
+    def read(self: MechanicalState, name: str) -> Any:
+        value = kind.__getattribute__(self, name)
+        if type(value) is np.ndarray and value.flags.writeable:
+            value = value.view()
+            value.flags.writeable = False
+        return value
+
+    return type(kind.__name__, (kind,), {"__getattribute__": read, "__doc__": kind.__doc__})

@@ -292,6 +292,40 @@ def test_bad_actions_are_refused(make, message):
 
 
 @pytest.mark.parametrize(
+    "quantity",
+    ["position", "velocity", "mass_matrix", "potential_gradient", "coriolis_matrix", "input_matrix", "factor"],
+)
+def test_an_action_that_writes_to_the_state_is_refused(quantity):
+    """The state is the plant's own: a law that wrote to it would steer a simulation, not an arm."""
+    system = arm("panda")
+
+    def careless(t, x):
+        value = getattr(x, quantity)
+        value -= 1.0
+        return np.zeros(7)
+
+    with pytest.raises(InvalidArgumentError, match="careless' of an ExternalAction writes to the state"):
+        with_tank(ForceFeedback).tuned(system, actions=ExternalAction(careless))
+
+
+@pytest.mark.parametrize("name", ["panda", "panda_with_fingers"])
+def test_an_action_sees_every_quantity_of_the_state(name):
+    """What its read-only state computes is what the plant's own does, of arms with mimic joints too."""
+    system = MechanicalSystem(load_robot("panda")) if name == "panda_with_fingers" else arm(name)
+    position = system.robot.near_home()
+    x, seen = system.at(position, np.ones(system.n)), []
+    ExternalAction(lambda t, view: seen.append(view) or np.zeros(system.n)).torque(0.0, x)
+    (view,) = seen
+    for quantity in ("mass_matrix", "coriolis_matrix", "factor", "factor_rate", "gravity", "momentum", "damping"):
+        np.testing.assert_array_equal(getattr(view, quantity), getattr(x, quantity))
+    hand = system.hand_frame
+    np.testing.assert_array_equal(view.frame_kinematics(hand).jacobian, x.frame_kinematics(hand).jacobian)
+    np.testing.assert_array_equal(view.task_space(hand).mobility, x.task_space(hand).mobility)
+    np.testing.assert_array_equal(view.canonical_interconnection, x.canonical_interconnection)
+    assert view.energy == x.energy
+
+
+@pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"actions": 3.0}, "actions"),
