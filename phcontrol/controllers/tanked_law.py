@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Drive, Target
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import InvalidArgumentError, NonFiniteTorqueError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -175,7 +176,10 @@ class TankedLaw(Controller):
         torque: Array = sum((action.torque(t, x) for action in self.paid[1:]), self.paid[0].torque(t, x))
         velocity, damping = self._velocity(port), self.joint_damping(x)
         damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
-        flow = self.tank.flow(float(state[-1]), float(torque.dot(velocity)), float(damped.dot(velocity)))
+        power = float(torque.dot(velocity))
+        if not math.isfinite(power):
+            raise NonFiniteTorqueError(self.name, t, action=torque, power=power, velocity=velocity)
+        flow = self.tank.flow(float(state[-1]), power, float(damped.dot(velocity)))
         return torque, flow, damped
 
     def _velocity(self, port: PassivePort) -> Array:

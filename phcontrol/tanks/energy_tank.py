@@ -12,6 +12,8 @@ from phcontrol.exceptions import InvalidArgumentError
 _KEPT = 0.9
 """Of the damping's power, at most; the rest is lost, so that H_d + ½x_t² falls wherever the arm moves."""
 
+_FASTEST_LEAK = 1.0  # [1/s]: far below what held torques resolve
+
 
 class TankFlow(NamedTuple):
     """What the valves of a tank let through at one state."""
@@ -54,10 +56,10 @@ class EnergyTank:
         highest: bound above which it is never filled [J].
         ramp: over how much of the level valves open and close [J].
         largest_power: that it gives, and that it takes of the damping or of an action [W].
-        leak: λ, the rate at which x_t fades [1/s].
+        leak: λ, the rate at which x_t fades, at most 1 [1/s].
 
     Raises:
-        InvalidArgumentError: bounds that are swapped, a start that is not between them, ramps that meet.
+        InvalidArgumentError: bounds that are swapped, a start that is not between them, ramps that meet, a leak above 1.
 
     Example:
         >>> tank = EnergyTank(initial=1.0)
@@ -76,6 +78,7 @@ class EnergyTank:
     def __post_init__(self) -> None:
         for name in ("initial", "lowest", "highest", "ramp", "largest_power", "leak"):
             object.__setattr__(self, name, positive(name, getattr(self, name)))
+        number("leak", self.leak, maximum=_FASTEST_LEAK)
         if self.lowest >= self.highest:
             message = f"must be below highest, but they are {self.lowest:g} J and {self.highest:g} J: swapped?"
             raise InvalidArgumentError("lowest", message)

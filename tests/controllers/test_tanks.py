@@ -13,7 +13,9 @@ from phcontrol import (
     ForceFeedback,
     IntegralAction,
     InvalidArgumentError,
+    Measured,
     MechanicalSystem,
+    NonFiniteTorqueError,
     Pose,
     PostureAction,
     Stiffness,
@@ -101,6 +103,7 @@ def test_valves_open_and_close_smoothly():
         ({"ramp": 3.0}, "half"),
         ({"largest_power": -1.0}, "largest_power"),
         ({"initial": float("nan")}, "initial"),
+        ({"leak": 5000.0}, "leak: must be <= 1"),
     ],
 )
 def test_bad_bounds_are_refused(options, message):
@@ -289,6 +292,15 @@ def test_stiffness_that_varies_while_pushed():
 def test_bad_actions_are_refused(make, message):
     with pytest.raises(InvalidArgumentError, match=message):
         make()
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_power_beyond_all_numbers_ends_in_an_error(shoulder, direction):
+    """Not in a valve that is closed, a torque that is finite, and a tank's rate that is none."""
+    law = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(lambda t, x: np.full(2, 1e308)))
+    x = shoulder.at([0.0, 0.0], [direction, direction])
+    with pytest.raises(NonFiniteTorqueError, match="power = -?inf"), np.errstate(over="ignore"):
+        law.evaluate(0.0, x, np.zeros(3), Measured(external_force=np.zeros(2)))
 
 
 @pytest.mark.parametrize(
