@@ -103,6 +103,11 @@ class TankedLaw(Controller):
         """The longest of law and actions [s]."""
         return max([super().time_span, *(action.duration for action in self.paid)])
 
+    @property
+    def longest_period(self) -> float:
+        """With which an Euler step of x_t keeps the level above the tank's lower bound [s]."""
+        return min(super().longest_period, self.tank.longest_period) if self.paid else super().longest_period
+
     def tank_level(self, state: Array) -> float | None:
         """Return the energy in the tank [J]."""
         return self.tank.level(float(state[-1])) if self.paid else super().tank_level(state)

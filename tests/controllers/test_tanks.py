@@ -8,6 +8,7 @@ import pytest
 from phcontrol import (
     CartesianImpedance,
     Controller,
+    ControlLoop,
     EnergyTank,
     ExternalAction,
     ForceFeedback,
@@ -18,6 +19,7 @@ from phcontrol import (
     NonFiniteTorqueError,
     Pose,
     PostureAction,
+    Schedule,
     Stiffness,
     TankedLaw,
     TrajectoryTracking,
@@ -79,6 +81,47 @@ def test_levels_stay_between_the_bounds_for_a_thousand_steps(start, rng):
         levels.append(tank.level(state))
     assert min(levels) >= tank.lowest
     assert max(levels) <= tank.highest + 5e-3
+
+
+def test_the_longest_period_is_the_longest():
+    """With it no step of Euler's passes the lower bound, whatever the power; with 4 % more one does."""
+    tank = EnergyTank()
+    levels = tank.lowest + tank.ramp * np.linspace(0.0, 1.0, 2001)
+
+    def lowest_after(period, tank):
+        return min(
+            tank.level(state + period * tank.flow(state, power, 0.0).rate)
+            for state in map(tank.state, levels)
+            for power in (tank.largest_power, 1e4)
+        )
+
+    assert lowest_after(tank.longest_period, tank) >= tank.lowest * (1.0 - 1e-12)
+    wide = EnergyTank(initial=1000.0, lowest=1000.0, highest=1001.0, leak=1e-12)
+    levels = wide.lowest + wide.ramp * np.linspace(0.0, 1.0, 2001)
+    assert lowest_after(wide.longest_period, wide) >= wide.lowest * (1.0 - 1e-12)
+    assert lowest_after(1.04 * wide.longest_period, wide) < wide.lowest  # the bound is sharp where x_t hardly changes
+
+
+@pytest.mark.parametrize("in_schedule", [False, True])
+def test_periods_that_a_tank_cannot_keep_up_with_are_refused(shoulder, in_schedule):
+    law = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(stir))
+    if in_schedule:
+        law = Schedule([(0.0, ForceFeedback.tuned(shoulder)), (0.5, law)])
+    with pytest.raises(InvalidArgumentError, match=r"^period: must be at most 0.0022 s"):
+        simulate(shoulder, law, duration=0.1, control_period=5e-3)
+    with pytest.raises(InvalidArgumentError, match=r"^period: must be at most 0.0022 s"):
+        ControlLoop(shoulder, law, 5e-3)
+    assert ControlLoop(shoulder, law, 2e-3).period == 2e-3
+    assert ControlLoop(shoulder, ForceFeedback.tuned(shoulder), 5e-3).period == 5e-3
+
+
+def test_laws_that_share_a_tank_start_it_alike(shoulder):
+    """The state is x_t − x_t(0): with another start the level would jump at the switch."""
+    tuned = with_tank(ForceFeedback).tuned
+    laws = [tuned(shoulder, actions=ExternalAction(stir), tank=EnergyTank(initial=level)) for level in (2.0, 4.9, 2.0)]
+    with pytest.raises(InvalidArgumentError, match="same initial level, but do at 2 and 4.9 J"):
+        Schedule([(0.0, laws[0]), (1.0, laws[1])])
+    assert Schedule([(0.0, laws[0]), (1.0, laws[2])]).state_parts["tank"] == 1
 
 
 def test_valves_open_and_close_smoothly():
