@@ -19,7 +19,9 @@ from phcontrol.tanks.action import Action
 class ExternalAction(Action):
     """The torque of a Python function: learned, planned elsewhere, or made up.
 
-    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills.
+    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills: in continuous time.
+    A torque that is held for a period balances to the error of the hold only (:class:`EnergyTank`): let it change slowly
+    with q̇ against the period.
 
     Args:
         function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``, whose arrays are read-only; it must
