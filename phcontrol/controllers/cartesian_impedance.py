@@ -27,7 +27,7 @@ class Deviation(NamedTuple):
     """How far the hand is from its goal."""
 
     distance: float
-    """[m]."""
+    """[m]; across a free direction."""
     angle: float
     """[rad]; 0 where the orientation is free."""
 
@@ -133,7 +133,7 @@ class CartesianImpedance(CartesianLaw):
 
     def _deviation(self, posture: Array) -> Deviation:
         goal, hand = self.pose_at(0.0), self.system.at(posture).placement(self.frame)
-        distance = float(np.linalg.norm(hand.translation - goal.translation))
+        distance = float(np.linalg.norm(self._across @ (hand.translation - goal.translation)))
         angle = float(np.linalg.norm(pin.log3(goal.rotation.T @ hand.rotation))) if self._rows == 6 else 0.0
         return Deviation(distance, angle)
 

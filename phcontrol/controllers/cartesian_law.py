@@ -86,7 +86,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
             :class:`EnergyTank` pays for it.
         preferred_posture: q_r, the posture that is held, and from which the arm's way to the goal is looked for [rad].
         posture_stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
-        variation: K(t), a :class:`Stiffness`: what it differs from K_t and K_r by is paid for by the tank.
+        variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by the
+            tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K_t it is ζ/3.
     """
 
     frame: Parameter[str | None, str] = Parameter(default=None, check=_frame)
@@ -225,7 +226,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
             actions.append(PostureAction(self.system, self.frame, *held, rows=self._rows))
         if self.variation is not None:
             K_r = np.zeros((3, 3)) if self.rotational_stiffness is None else self.rotational_stiffness
-            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, self._across, (self._held, K_r)))
+            across = self._across if self.axes == "world" else self._across @ self.pose_at(0.0).rotation
+            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, across, (self._held, K_r)))
         return tuple(actions)
 
     def task_damping_matrix(self, x: MechanicalState) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from phcontrol import (
@@ -320,6 +321,27 @@ def test_stiffness_that_varies_while_pushed():
     assert excess["cartesian_impedance"] < 1e-6
 
 
+@pytest.mark.parametrize("free", [None, [1.0, 1.0, 0.0]])
+def test_a_variation_is_in_the_axes_of_the_stiffness(free):
+    """K(t) = K_t of the tool's axes changes nothing; in those of the world it did."""
+    system = arm("panda")
+    start = system.robot.near_home()
+    hand = system.at(start).placement(system.hand_frame).translation
+    goal = Pose(np.array(hand), pin.exp3(np.array([0.3, -0.5, 0.4])))
+    gains = {
+        "goal": goal, "translational_stiffness": [900.0, 300.0, 100.0], "rotational_stiffness": 10.0, "axes": "tool",
+        "free_direction": free,
+    }  # fmt: skip
+    same = CartesianImpedance(system, variation=Stiffness(lambda t: [900.0, 300.0, 100.0], duration=1.0), **gains)
+    x = system.at(start + 0.2, np.ones(7))
+    assert np.abs(same.paid[0].torque(0.3, x)).max() < 1e-10
+    half = CartesianImpedance(system, variation=Stiffness(lambda t: [450.0, 150.0, 50.0], duration=1.0), **gains)
+    wrench = half.hand_spring.wrench(x.frame_kinematics(system.hand_frame), goal)[:3]
+    expected = 0.5 * wrench @ x.frame_kinematics(system.hand_frame).jacobian[:3]
+    np.testing.assert_allclose(half.paid[0].torque(0.3, x), expected, atol=1e-10)
+    assert np.abs(expected).max() > 1.0
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -329,6 +351,10 @@ def test_stiffness_that_varies_while_pushed():
         (lambda: Stiffness(500.0, duration=1.0), "function of time"),
         (lambda: Stiffness(lambda t: [1.0, 2.0], duration=1.0), "length 3"),
         (lambda: Stiffness(lambda t: 500.0, duration=0.0), "duration"),
+        (lambda: Stiffness(lambda t: -500.0, duration=1.0), "variation: translational at 0 s: must be positive"),
+        (lambda: Stiffness(lambda t: 500.0 - t, duration=1.0).translational(501.0), "at 501 s: must be positive"),
+        (lambda: Stiffness(rotational=lambda t: [1.0] * (3 + int(t)), duration=1.0).rotational(2.0), "at 2 s"),
+        (lambda: Stiffness(lambda t: np.inf if t else 1.0, duration=1.0).translational(1.0), "at 1 s: must be finite"),
         (lambda: with_tank(Controller.__mro__[-1]), "class of a law"),
     ],
 )
