@@ -36,6 +36,7 @@ BANDWIDTH = 10.0
 """Of the hand under default stiffness [rad/s]."""
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
 _SLIDES = 40  # towards the preferred posture
+_STILL = 1e-9  # entries of a Jacobian that count as zero [m, rad]
 _FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
@@ -55,6 +56,16 @@ def _stiffness_function(name: str, value: Any, system: MechanicalSystem) -> Stif
     if not isinstance(value, Stiffness):
         raise InvalidArgumentError(name, f"must be a Stiffness, a function of time, but is {type(value).__name__}")
     return value
+
+
+def _moving_joints(system: MechanicalSystem, frame: str) -> int:
+    """Return how many joints move a frame. Raises InvalidArgumentError where none moves its origin."""
+    generator = np.random.default_rng(0)
+    jacobian = system.at(system.robot.random_position(generator)).frame_kinematics(frame).jacobian
+    if np.abs(jacobian[:3]).max() < _STILL:
+        message = f"must be one whose origin the joints of {system.robot.name} move, but '{frame}' stays where it is"
+        raise InvalidArgumentError("frame", message)
+    return int((np.abs(jacobian).max(axis=0) >= _STILL).sum())
 
 
 class CartesianLaw(TankedLaw, DampedLaw):
@@ -137,6 +148,10 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if turns and self.system.n < 6:
             message = f"needs 6 joints, and {self.system.robot.name} has {self.system.n}: leave the orientation free"
             raise InvalidArgumentError("rotational_stiffness", message)
+        moving = _moving_joints(self.system, self.frame)
+        if turns and moving < 6:
+            message = f"'{self.frame}' is moved by {moving} joints, and a rotational_stiffness needs 6: leave that out"
+            raise InvalidArgumentError("frame", message)
         if self.posture is not None:
             for name in ("preferred_posture", "posture_stiffness"):
                 if getattr(self, name) is None:
@@ -289,12 +304,13 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """
         posture = system.robot.near_home() if isinstance(goal, (Pose, pin.SE3)) else np.asarray(goal)
         frame = given.get("frame") or system.hand_frame
+        moving = _moving_joints(system, frame)
         x = system.at(posture)
         mobility = x.task_space(frame).mobility
         square = (wish.get("bandwidth") or BANDWIDTH) ** 2
         linear = square * 3.0 / float(np.trace(mobility[:3, :3]))
         made: dict[str, Any] = {"translational_stiffness": linear, "preferred_posture": posture}
-        if system.n >= 6:
+        if moving >= 6:
             lightest = 3.0 / max(float(np.trace(mobility[3:, 3:])), 1e-12)
             made["rotational_stiffness"] = max(square * lightest, _LEVER**2 * linear)
         if wish.get("damping_ratio") is not None:
