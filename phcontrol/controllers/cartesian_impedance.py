@@ -1,4 +1,4 @@
-"""Cartesian impedance: the hand on a spring and a damper (theory section 12)."""
+"""Cartesian impedance: the hand on a spring and a damper (docs/cartesian-impedance.md)."""
 
 from __future__ import annotations
 

@@ -69,7 +69,9 @@ def _moving_joints(system: MechanicalSystem, frame: str) -> int:
 
 
 class CartesianLaw(TankedLaw, DampedLaw):
-    """Laws that make a frame behave as if a spring and a damper held it at a pose (theory section 12).
+    """Laws that make a frame behave as if a spring and a damper held it at a pose.
+
+    The proof is in docs/cartesian-impedance.md.
 
         u = G⁻¹(∂V/∂q − 𝒥ᵀF − Δ v_e + …),   Δ = 𝒥ᵀD_x𝒥 + d_n(M − 𝒥ᵀΛ𝒥),   Λ = (𝒥M⁻¹𝒥ᵀ)⁻¹
 

@@ -43,7 +43,9 @@ def _tank(name: str, value: Any, system: MechanicalSystem) -> EnergyTank:
 
 
 class TankedLaw(Controller):
-    """Any law with further torques that are not passive, which an energy tank pays for (theory section 13).
+    """Any law with further torques that are not passive, which an energy tank pays for.
+
+    The proof is in docs/cartesian-impedance.md.
 
     To a law with target (J_d, R_d) and p̂ among its coordinates it adds the torque G⁻¹ω a and one state x_t,
 
