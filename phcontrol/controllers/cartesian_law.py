@@ -99,8 +99,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
             :class:`EnergyTank` pays for it.
         preferred_posture: q_r, the posture that is held, and from which the arm's way to the goal is looked for [rad].
         posture_stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
-        variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by the
-            tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K_t it is ζ/3.
+        variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by
+            the tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K it is ζ/3.
     """
 
     frame: Parameter[str | None, str] = Parameter(default=None, check=_frame)

@@ -65,7 +65,8 @@ class EnergyTank:
         leak: λ, the rate at which x_t fades, at most 1 [1/s].
 
     Raises:
-        InvalidArgumentError: bounds that are swapped, a start that is not between them, ramps that meet, a leak above 1.
+        InvalidArgumentError: bounds that are swapped, a start that is not between them, ramps that meet, a leak
+            above 1.
 
     Example:
         >>> tank = EnergyTank(initial=1.0)

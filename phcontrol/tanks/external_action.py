@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,13 +18,13 @@ from phcontrol.tanks.action import Action
 class ExternalAction(Action):
     """The torque of a Python function: learned, planned elsewhere, or made up.
 
-    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills: in continuous time.
-    A torque that is held for a period balances to the error of the hold only (:class:`EnergyTank`): let it change slowly
-    with q̇ against the period.
+    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills: in continuous
+    time. A torque that is held for a period balances to the error of the hold only (:class:`EnergyTank`): let it change
+    slowly with q̇ against the period.
 
     Args:
-        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``, whose arrays are read-only; it must
-            depend on nothing else.
+        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``, whose arrays are read-only; it
+            must depend on nothing else.
         duration: how long it goes on changing with time [s]; 0 for a function that does not use t.
 
     Raises:
@@ -68,9 +67,13 @@ def _own_state(x: MechanicalState) -> MechanicalState:
     return _read_only(x.system.state_type)(x.system, x.position.copy(), x.velocity.copy())
 
 
-@cache
+_READ_ONLY: dict[type[MechanicalState], type[MechanicalState]] = {}
+
+
 def _read_only(kind: type[MechanicalState]) -> type[MechanicalState]:
-    """Return a kind of state that hands out its arrays read-only."""
+    """Return a kind of state that hands out its arrays read-only, made once."""
+    if kind in _READ_ONLY:
+        return _READ_ONLY[kind]
 
     def read(self: MechanicalState, name: str) -> Any:
         value = kind.__getattribute__(self, name)
@@ -79,4 +82,5 @@ def _read_only(kind: type[MechanicalState]) -> type[MechanicalState]:
             value.flags.writeable = False
         return value
 
-    return type(kind.__name__, (kind,), {"__getattribute__": read, "__doc__": kind.__doc__})
+    made = _READ_ONLY[kind] = type(kind.__name__, (kind,), {"__getattribute__": read, "__doc__": kind.__doc__})
+    return made

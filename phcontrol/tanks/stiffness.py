@@ -22,8 +22,8 @@ class Stiffness:
         duration: how long it goes on changing [s]; of one that never ends, the length of a period.
 
     Raises:
-        InvalidArgumentError: nothing changes, or what a function returns is no positive definite matrix of three: at time
-            0 at once, at later times when a law asks for it.
+        InvalidArgumentError: nothing changes, or what a function returns is no positive definite matrix of three: at
+            time 0 at once, at later times when a law asks for it.
 
     Example:
         >>> import numpy as np

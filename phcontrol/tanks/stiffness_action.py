@@ -26,8 +26,8 @@ class StiffnessAction(Action):
         frame: its name.
         goal: t -> the pose of the spring's goal.
         stiffness: K(t).
-        across: A, shape (3, 3): of K_t(t) what acts is A K_t Aᵀ, from its axes into the world's, and less a direction that
-            is left free.
+        across: A, shape (3, 3): of K_t(t) what acts is A K_t Aᵀ, from its axes into the world's, and less a direction
+            that is left free.
         constant: (K_t, K_r), what the potential holds, shape (3, 3) each, axes of the world [N/m] and of the goal
             [N·m/rad].
     """
