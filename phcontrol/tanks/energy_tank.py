@@ -49,8 +49,9 @@ class EnergyTank:
     **Held torques.** With h·largest_power ≤ 0.88·ramp (``longest_period``; control loops refuse a longer h) the level
     stays above the lower bound too. The balance is kept to the error of the hold only: the tank pays for the power at
     the start of a period, and the arm receives the torque times the velocity as it changes meanwhile. An action that is
-    stiff against h can make energy of it: −8 tanh(q̇/0.05) N·m on a Panda raised H_d + ½x_t² from 2.18 to 2.60 J at
-    1 ms. Euler's step of x_t adds ½ẋ_t²h² to what is filled. Nor does a tank know of torque that limits clip.
+    stiff against h can make energy of it, without end: −8 tanh(q̇/0.05) N·m on a Panda raised H_d + ½x_t² from 2.18 to
+    2.60 J within 2 s at 1 ms, and dry friction that chatters filled the tank. Euler's step of x_t adds ½ẋ_t²h² to
+    what is filled. Nor does a tank know of torque that limits clip.
 
     As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
     "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters

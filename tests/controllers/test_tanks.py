@@ -7,10 +7,12 @@ import pinocchio as pin
 import pytest
 
 from phcontrol import (
+    After,
     CartesianImpedance,
     Controller,
     ControlLoop,
     EnergyTank,
+    EventSchedule,
     ExternalAction,
     ForceFeedback,
     IntegralAction,
@@ -18,6 +20,7 @@ from phcontrol import (
     Measured,
     MechanicalSystem,
     NonFiniteTorqueError,
+    Phase,
     Pose,
     PostureAction,
     Schedule,
@@ -122,6 +125,8 @@ def test_laws_that_share_a_tank_start_it_alike(shoulder):
     laws = [tuned(shoulder, actions=ExternalAction(stir), tank=EnergyTank(initial=level)) for level in (2.0, 4.9, 2.0)]
     with pytest.raises(InvalidArgumentError, match="same initial level, but do at 2 and 4.9 J"):
         Schedule([(0.0, laws[0]), (1.0, laws[1])])
+    with pytest.raises(InvalidArgumentError, match="same initial level, but do at 2 and 4.9 J"):
+        EventSchedule([Phase("a", laws[0], [(After(0.5), "b")], within=9.0), Phase("b", laws[1])])
     assert Schedule([(0.0, laws[0]), (1.0, laws[2])]).state_parts["tank"] == 1
 
 
