@@ -73,7 +73,7 @@ class EnergyTank:
         >>> tank = EnergyTank(initial=1.0)
         >>> flow = tank.flow(0.0, power=3.0, damping_power=0.5)
         >>> flow.opening, round(flow.rate * flow.charge, 3)
-        (1.0, -2.5)
+        (1.0, -2.55)
     """
 
     initial: float = 2.0

@@ -27,8 +27,8 @@ class Stiffness:
 
     Example:
         >>> import numpy as np
-        >>> Stiffness(lambda t: 500.0 + 100.0 * np.sin(t), duration=6.28).translational(0.0)[0, 0]
-        500.0
+        >>> Stiffness(lambda t: 500.0 + 100.0 * np.sin(t), duration=6.28).translational(0.0)[0]
+        array([500.,   0.,   0.])
     """
 
     def __init__(
