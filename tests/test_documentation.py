@@ -148,3 +148,12 @@ def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+?)\)", page.read_text()):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target
+
+
+def test_pages_that_the_code_cites_exist():
+    """A page by its name; the sections of no page have numbers."""
+    for file in sorted((ROOT / "phcontrol").rglob("*.py")):
+        text = file.read_text()
+        assert not re.search(r"theory sections? [0-9]", text), file
+        for page in re.findall(r"docs/[a-z-]+\.md", text):
+            assert (ROOT / page).is_file(), f"{file} cites {page}"

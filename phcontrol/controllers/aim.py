@@ -85,7 +85,7 @@ class Aim:
 
 
 class LedAim(Aim):
-    """The error state of an arm that is led along a reference (theory section 11).
+    """The error state of an arm that is led along a reference (docs/theory.md, "The error state").
 
     With v_e = q̇ − q̇_ref, p̄_e = Tᵀv_e, and Ψ the energy of the position errors, a torque
     u = u_law + G⁻¹(M q̈_ref + C q̇_ref + D q̇_ref) leaves the law's own closed loop in these.

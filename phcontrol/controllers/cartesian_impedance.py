@@ -1,4 +1,4 @@
-"""Cartesian impedance: the hand on a spring and a damper (theory section 12)."""
+"""Cartesian impedance: the hand on a spring and a damper (docs/cartesian-impedance.md)."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from phcontrol.controllers.parameters import Parameter
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose, check_pose
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.trajectories.frame_path import FramePath
 
 _AT_GOAL = 1e-6  # how near counts as there [m, rad]
 _STARTS = 8  # postures from which a goal that is not found is looked for again
@@ -27,7 +28,7 @@ class Deviation(NamedTuple):
     """How far the hand is from its goal."""
 
     distance: float
-    """[m]."""
+    """[m]; across a free direction."""
     angle: float
     """[rad]; 0 where the orientation is free."""
 
@@ -133,7 +134,7 @@ class CartesianImpedance(CartesianLaw):
 
     def _deviation(self, posture: Array) -> Deviation:
         goal, hand = self.pose_at(0.0), self.system.at(posture).placement(self.frame)
-        distance = float(np.linalg.norm(hand.translation - goal.translation))
+        distance = float(np.linalg.norm(self._across @ (hand.translation - goal.translation)))
         angle = float(np.linalg.norm(pin.log3(goal.rotation.T @ hand.rotation))) if self._rows == 6 else 0.0
         return Deviation(distance, angle)
 
@@ -147,11 +148,20 @@ class CartesianImpedance(CartesianLaw):
 
     @classmethod
     def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Any:
-        """Return a pose, or a posture that tells one [rad]; by default one near the arm's home."""
+        """Return a pose, a point, or a posture that tells a pose [rad]; by default one near the arm's home.
+
+        Raises InvalidArgumentError for three numbers with an arm of three joints: they might be either.
+        """
         if goal is None:
             return system.robot.near_home()
         if isinstance(goal, (Pose, pin.SE3)) or finite_array("goal", goal).shape != (system.n,):
             return _goal("goal", goal, system)
+        if system.n == 3:
+            message = (
+                f"may be a point or a posture, with the 3 joints of {system.robot.name}: give Pose(point, np.eye(3)), "
+                "or system.at(posture).placement(frame)"
+            )
+            raise InvalidArgumentError("goal", message)
         return vector("goal", goal, system.n)
 
     @classmethod
@@ -160,9 +170,13 @@ class CartesianImpedance(CartesianLaw):
     ) -> dict[str, Any]:
         """Return gains of the base, and the pose of the hand at the goal."""
         made = super().default_gains(system, goal, given=given, **wish)
-        if "goal" in given or given.get("reference") is not None:
+        reference = given.get("reference")
+        is_point = isinstance(goal, Pose) and bool(np.isnan(goal.rotation).any())
+        if is_point or (isinstance(reference, FramePath) and reference.at(0.0).rotation is None):
+            made.pop("rotational_stiffness", None)  # nothing asks for an orientation
+        if "goal" in given or reference is not None:
             return made
         if isinstance(goal, Pose):
-            return made | {"goal": goal}
+            return made | {"goal": goal.translation if is_point else goal}
         placement = system.at(goal).placement(given.get("frame") or system.hand_frame)
         return made | {"goal": Pose(np.array(placement.translation), np.array(placement.rotation))}

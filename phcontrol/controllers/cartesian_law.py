@@ -36,6 +36,7 @@ BANDWIDTH = 10.0
 """Of the hand under default stiffness [rad/s]."""
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
 _SLIDES = 40  # towards the preferred posture
+_STILL = 1e-9  # entries of a Jacobian that count as zero [m, rad]
 _FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
@@ -57,8 +58,20 @@ def _stiffness_function(name: str, value: Any, system: MechanicalSystem) -> Stif
     return value
 
 
+def _moving_joints(system: MechanicalSystem, frame: str) -> int:
+    """Return how many joints move a frame. Raises InvalidArgumentError where none moves its origin."""
+    generator = np.random.default_rng(0)
+    jacobian = system.at(system.robot.random_position(generator)).frame_kinematics(frame).jacobian
+    if np.abs(jacobian[:3]).max() < _STILL:
+        message = f"must be one whose origin the joints of {system.robot.name} move, but '{frame}' stays where it is"
+        raise InvalidArgumentError("frame", message)
+    return int((np.abs(jacobian).max(axis=0) >= _STILL).sum())
+
+
 class CartesianLaw(TankedLaw, DampedLaw):
-    """Laws that make a frame behave as if a spring and a damper held it at a pose (theory section 12).
+    """Laws that make a frame behave as if a spring and a damper held it at a pose.
+
+    The proof is in docs/cartesian-impedance.md.
 
         u = G⁻¹(∂V/∂q − 𝒥ᵀF − Δ v_e + …),   Δ = 𝒥ᵀD_x𝒥 + d_n(M − 𝒥ᵀΛ𝒥),   Λ = (𝒥M⁻¹𝒥ᵀ)⁻¹
 
@@ -86,7 +99,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
             :class:`EnergyTank` pays for it.
         preferred_posture: q_r, the posture that is held, and from which the arm's way to the goal is looked for [rad].
         posture_stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
-        variation: K(t), a :class:`Stiffness`: what it differs from K_t and K_r by is paid for by the tank.
+        variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by
+            the tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K it is ζ/3.
     """
 
     frame: Parameter[str | None, str] = Parameter(default=None, check=_frame)
@@ -136,6 +150,10 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if turns and self.system.n < 6:
             message = f"needs 6 joints, and {self.system.robot.name} has {self.system.n}: leave the orientation free"
             raise InvalidArgumentError("rotational_stiffness", message)
+        moving = _moving_joints(self.system, self.frame)
+        if turns and moving < 6:
+            message = f"'{self.frame}' is moved by {moving} joints, and a rotational_stiffness needs 6: leave that out"
+            raise InvalidArgumentError("frame", message)
         if self.posture is not None:
             for name in ("preferred_posture", "posture_stiffness"):
                 if getattr(self, name) is None:
@@ -225,7 +243,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
             actions.append(PostureAction(self.system, self.frame, *held, rows=self._rows))
         if self.variation is not None:
             K_r = np.zeros((3, 3)) if self.rotational_stiffness is None else self.rotational_stiffness
-            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, self._across, (self._held, K_r)))
+            across = self._across if self.axes == "world" else self._across @ self.pose_at(0.0).rotation
+            actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, across, (self._held, K_r)))
         return tuple(actions)
 
     def task_damping_matrix(self, x: MechanicalState) -> Array:
@@ -287,12 +306,13 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """
         posture = system.robot.near_home() if isinstance(goal, (Pose, pin.SE3)) else np.asarray(goal)
         frame = given.get("frame") or system.hand_frame
+        moving = _moving_joints(system, frame)
         x = system.at(posture)
         mobility = x.task_space(frame).mobility
         square = (wish.get("bandwidth") or BANDWIDTH) ** 2
         linear = square * 3.0 / float(np.trace(mobility[:3, :3]))
         made: dict[str, Any] = {"translational_stiffness": linear, "preferred_posture": posture}
-        if system.n >= 6:
+        if moving >= 6:
             lightest = 3.0 / max(float(np.trace(mobility[3:, 3:])), 1e-12)
             made["rotational_stiffness"] = max(square * lightest, _LEVER**2 * linear)
         if wish.get("damping_ratio") is not None:

@@ -1,4 +1,4 @@
-"""Cartesian impedance along the path of a frame (theory sections 11 and 12)."""
+"""Cartesian impedance along the path of a frame (docs/cartesian-impedance.md)."""
 
 from __future__ import annotations
 

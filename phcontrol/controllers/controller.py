@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -337,6 +338,11 @@ class Controller(Declared, ABC):
         Power v̂ᵀG C Gᵀv̂ is what an energy tank is filled from.
         """
         return None
+
+    @property
+    def longest_period(self) -> float:
+        """Of a control loop with which the law's own state keeps its bounds [s]; infinite for most laws."""
+        return math.inf
 
     def tank_level(self, state: Array) -> float | None:
         """Return the energy in the law's tank [J]; None for a law without one."""

@@ -1,4 +1,4 @@
-"""Energy shaping and damping injection (theory section 4.1)."""
+"""Energy shaping and damping injection (docs/theory.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Force control (theory section 5, Theorem 4.1.1)."""
+"""Force control (docs/theory.md, Theorem 4.1.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Position control with force feedback by dynamic extension (theory section 4.2)."""
+"""Position control with force feedback by dynamic extension (docs/theory.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Position control with force feedback and integral action (theory section 4.3)."""
+"""Position control with force feedback and integral action (docs/theory.md)."""
 
 from __future__ import annotations
 

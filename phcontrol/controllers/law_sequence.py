@@ -51,6 +51,11 @@ class LawSequence(Controller):
         """Every law, in the order of the sequence."""
         if any(law.system is not self.laws[0].system for law in self.laws):
             raise InvalidArgumentError("steps", "all laws must be made with the same system")
+        levels = {law.tank_level(np.zeros(law.state_size)) for law in self.laws} - {None}
+        if len(levels) > 1:
+            started = " and ".join(f"{level:.6g}" for level in sorted(filter(None, levels)))
+            message = f"laws share one tank, and must start it at the same initial level, but do at {started} J"
+            raise InvalidArgumentError("steps", message)
         super().__init__(self.laws[0].system, interconnection=self.laws[0].interconnection)
         self._parts: dict[str, int] = dict(own_parts)
         for law in self.laws:
@@ -74,6 +79,11 @@ class LawSequence(Controller):
     def needs(self) -> tuple[str, ...]:
         """What any of the laws needs."""
         return tuple(dict.fromkeys(quantity for law in self.laws for quantity in law.needs))
+
+    @property
+    def longest_period(self) -> float:
+        """The shortest of those of the laws [s]."""
+        return min(law.longest_period for law in self.laws)
 
     @classmethod
     def default_gains(

@@ -101,20 +101,20 @@ CONTROLLERS: dict[str, Entry] = {
     "cartesian_impedance": Entry(
         CartesianImpedance,
         "holds the hand at a pose by a spring and a damper of wished stiffness, through singular postures too",
-        "theory section 12",
+        "docs/cartesian-impedance.md: the law and its proof",
         minimum_joints=6,
     ),
     "cartesian_impedance_with_tank": Entry(
         CartesianImpedance,
         "the same, and holds the arm's posture without disturbing the hand, paid for by an energy tank",
-        "theory sections 12 and 13",
+        "docs/cartesian-impedance.md: the law and its proof; an energy tank",
         options={"posture": "tank"},
         minimum_joints=6,
     ),
     "cartesian_tracking": Entry(
         CartesianTracking,
         "leads the hand along a path by the same spring and damper",
-        "theory sections 11 and 12",
+        "docs/cartesian-impedance.md: the law and its proof; docs/theory.md: the error state",
         minimum_joints=6,
     ),
     "reduction_servo": Entry(

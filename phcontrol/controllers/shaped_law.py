@@ -18,6 +18,7 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.frame_potential import skew
 from phcontrol.potentials.potential import Potential
 from phcontrol.sensors.measured import Measured
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
@@ -70,8 +71,20 @@ class ShapedLaw(Controller):
             )
         if self._trajectory is not None and "joints" not in self.potential.follows:
             raise InvalidArgumentError("reference", "moves the joints: the potential must be a spring on them")
+        if self._path is not None and self._path.at(0.0).rotation is None and self._turns(self._path):
+            raise InvalidArgumentError(
+                "reference",
+                f"leaves the orientation of '{self._path.frame}' free, and the potential turns it: give a path of "
+                "poses, or leave the rotational stiffness out",
+            )
         if self.reference is not None:
             self._check_that_it_is_carried_along()
+
+    def _turns(self, path: FramePath) -> bool:
+        """Return whether Ψ asks for an orientation of the path's goal."""
+        goal, x = pose_of(path.at(0.0)), self.system.at(self.system.robot.near_home())
+        turned = Pose(goal.translation, skew(np.ones(3)) @ goal.rotation)
+        return not np.array_equal(self.potential.coordinates(x, goal), self.potential.coordinates(x, turned))
 
     def _check_that_it_is_carried_along(self) -> None:
         """Raise InvalidArgumentError unless all coordinates of Ψ change by A v_e, and so move with the reference."""

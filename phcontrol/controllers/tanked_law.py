@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Drive, Target
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import InvalidArgumentError, NonFiniteTorqueError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -42,7 +43,9 @@ def _tank(name: str, value: Any, system: MechanicalSystem) -> EnergyTank:
 
 
 class TankedLaw(Controller):
-    """Any law with further torques that are not passive, which an energy tank pays for (theory section 13).
+    """Any law with further torques that are not passive, which an energy tank pays for.
+
+    The proof is in docs/cartesian-impedance.md.
 
     To a law with target (J_d, R_d) and p̂ among its coordinates it adds the torque G⁻¹ω a and one state x_t,
 
@@ -101,6 +104,11 @@ class TankedLaw(Controller):
     def time_span(self) -> float:
         """The longest of law and actions [s]."""
         return max([super().time_span, *(action.duration for action in self.paid)])
+
+    @property
+    def longest_period(self) -> float:
+        """With which an Euler step of x_t keeps the level above the tank's lower bound [s]."""
+        return min(super().longest_period, self.tank.longest_period) if self.paid else super().longest_period
 
     def tank_level(self, state: Array) -> float | None:
         """Return the energy in the tank [J]."""
@@ -175,7 +183,10 @@ class TankedLaw(Controller):
         torque: Array = sum((action.torque(t, x) for action in self.paid[1:]), self.paid[0].torque(t, x))
         velocity, damping = self._velocity(port), self.joint_damping(x)
         damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
-        flow = self.tank.flow(float(state[-1]), float(torque.dot(velocity)), float(damped.dot(velocity)))
+        power = float(torque.dot(velocity))
+        if not math.isfinite(power):
+            raise NonFiniteTorqueError(self.name, t, action=torque, power=power, velocity=velocity)
+        flow = self.tank.flow(float(state[-1]), power, float(damped.dot(velocity)))
         return torque, flow, damped
 
     def _velocity(self, port: PassivePort) -> Array:

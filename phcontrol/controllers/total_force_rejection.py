@@ -1,4 +1,4 @@
-"""Position control that cancels every measured force (theory section 4.4)."""
+"""Position control that cancels every measured force (docs/theory.md)."""
 
 from __future__ import annotations
 

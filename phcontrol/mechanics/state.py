@@ -444,8 +444,8 @@ class MechanicalState:
         return self.velocity
 
     def _independent(self, jacobian: Array) -> Array:
-        """Return a Jacobian of all joints of the model as one of the independent joints."""
-        return jacobian
+        """Return a Jacobian of all joints of the model as one of the independent joints; Pinocchio's of one is flat."""
+        return jacobian.reshape(6, -1)
 
     def frame_jacobian(self, frame: str, reference: str) -> Array:
         """Return 𝒥(q), shape (6, n): the twist (linear, angular) of a frame is 𝒥 q̇.
@@ -457,7 +457,7 @@ class MechanicalState:
         jacobian: Array = pin.computeFrameJacobian(
             system.model, system.data, self.position, index, frame_of_reference(reference)
         )
-        return jacobian
+        return jacobian.reshape(6, -1)
 
     def frame_jacobian_rate(self, frame: str, reference: str) -> Array:
         """Return 𝒥̇ along q̇, shape (6, n), in the same frames of reference as ``frame_jacobian``."""

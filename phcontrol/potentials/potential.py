@@ -24,7 +24,7 @@ class Potential(ABC):
     """An energy Ψ(q), written in coordinates c(q) with ċ = A(q) v, so that ∂Ψ/∂q = Aᵀ∂Ψ/∂c.
 
     The coordinates are what a law's promise is written in: H_d = ½|p̂|² + Ψ(c) + …. They are errors against a goal,
-    and along a goal that moves they change by A v_e, with v_e = q̇ − q̇_ref the velocity error (theory section 11).
+    and along a goal that moves they change by A v_e, with v_e = q̇ − q̇_ref the velocity error (docs/theory.md).
 
     A potential of one's own states ``energy``, ``coordinates``, ``coordinate_gradient``, ``coordinate_map`` and
     ``gradient_rate``; the rest follows. Potentials add up with ``+``, see :class:`Sum`.

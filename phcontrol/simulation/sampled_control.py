@@ -29,6 +29,9 @@ class SampledControl:
         period: [s].
         torque_limit: what torques are clipped to [N·m]; None for nothing.
         torque_filter: for the same period; None for none.
+
+    Raises:
+        InvalidArgumentError: the period is longer than the law's ``longest_period``; the filter does not suit.
     """
 
     def __init__(
@@ -38,6 +41,13 @@ class SampledControl:
         torque_limit: Array | None = None,
         torque_filter: TorqueFilter | None = None,
     ) -> None:
+        longest = controller.longest_period
+        if period > longest * (1.0 + 1e-9):
+            message = (
+                f"must be at most {longest:.3g} s for {controller.name}, but is {period:g} s: the level of its tank "
+                "would pass the lower bound. A tank with less largest_power, or a wider ramp, allows a longer one"
+            )
+            raise InvalidArgumentError("period", message)
         self.controller, self.period, self.torque_limit, self.filter = controller, period, torque_limit, torque_filter
         if torque_filter is not None:
             check_filter(torque_filter, controller, period)

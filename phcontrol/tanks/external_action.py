@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, number, vector
@@ -16,14 +18,17 @@ from phcontrol.tanks.action import Action
 class ExternalAction(Action):
     """The torque of a Python function: learned, planned elsewhere, or made up.
 
-    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills.
+    Whatever it asks for, the arm receives no more energy than the tank holds and the damping refills: in continuous
+    time. A torque that is held for a period balances to the error of the hold only (:class:`EnergyTank`): let it change
+    slowly with q̇ against the period.
 
     Args:
-        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``; it must depend on nothing else.
+        function: (t, x) -> a, shape (n,) [N·m], with x the arm's ``MechanicalState``, whose arrays are read-only; it
+            must depend on nothing else.
         duration: how long it goes on changing with time [s]; 0 for a function that does not use t.
 
     Raises:
-        InvalidArgumentError: the function cannot be called, or does not return n finite numbers.
+        InvalidArgumentError: the function cannot be called, does not return n finite numbers, or writes to the state.
 
     Example:
         >>> import numpy as np
@@ -46,4 +51,36 @@ class ExternalAction(Action):
 
     def torque(self, t: float, x: MechanicalState) -> Array:
         """Return what the function returns, shape (n,) [N·m]."""
-        return vector("what the function of an ExternalAction returns", self.function(t, x), x.system.n)
+        try:
+            torque = self.function(t, _own_state(x))
+        except ValueError as error:
+            if "read-only" not in str(error):
+                raise
+            name = getattr(self.function, "__qualname__", type(self.function).__name__)
+            message = f"'{name}' of an ExternalAction writes to the state that it is given: let it copy the array first"
+            raise InvalidArgumentError("function", message) from error
+        return vector("what the function of an ExternalAction returns", torque, x.system.n)
+
+
+def _own_state(x: MechanicalState) -> MechanicalState:
+    """Return the same state made of copies, whose arrays cannot be written to."""
+    return _read_only(x.system.state_type)(x.system, x.position.copy(), x.velocity.copy())
+
+
+_READ_ONLY: dict[type[MechanicalState], type[MechanicalState]] = {}
+
+
+def _read_only(kind: type[MechanicalState]) -> type[MechanicalState]:
+    """Return a kind of state that hands out its arrays read-only, made once."""
+    if kind in _READ_ONLY:
+        return _READ_ONLY[kind]
+
+    def read(self: MechanicalState, name: str) -> Any:
+        value = kind.__getattribute__(self, name)
+        if type(value) is np.ndarray and value.flags.writeable:
+            value = value.view()
+            value.flags.writeable = False
+        return value
+
+    made = _READ_ONLY[kind] = type(kind.__name__, (kind,), {"__getattribute__": read, "__doc__": kind.__doc__})
+    return made

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, matrix, number
+from phcontrol._validation import Array, gain, number
 from phcontrol.exceptions import InvalidArgumentError
 
 StiffnessFunction = Callable[[float], ArrayLike]
@@ -23,12 +22,13 @@ class Stiffness:
         duration: how long it goes on changing [s]; of one that never ends, the length of a period.
 
     Raises:
-        InvalidArgumentError: nothing changes, or what a function returns at time 0 is no symmetric matrix of three.
+        InvalidArgumentError: nothing changes, or what a function returns is no positive definite matrix of three: at
+            time 0 at once, at later times when a law asks for it.
 
     Example:
         >>> import numpy as np
-        >>> Stiffness(lambda t: 500.0 + 100.0 * np.sin(t), duration=6.28).translational(0.0)[0, 0]
-        500.0
+        >>> Stiffness(lambda t: 500.0 + 100.0 * np.sin(t), duration=6.28).translational(0.0)[0]
+        array([500.,   0.,   0.])
     """
 
     def __init__(
@@ -48,9 +48,7 @@ class Stiffness:
             if not callable(function):
                 message = f"must be a function of time, but is {type(function).__name__}: a constant is the law's own"
                 raise InvalidArgumentError(name, message)
-            value = matrix(f"{name} at 0 s", function(0.0), 3)
-            if np.abs(value - value.T).max() > 1e-9 * np.abs(value).max():
-                raise InvalidArgumentError(f"{name} at 0 s", "must be symmetric")
+            self._value(name, 0.0)
 
     def translational(self, t: float) -> Array | None:
         """Return K_t at time t [s], shape (3, 3) [N/m]; None where it does not change."""
@@ -64,5 +62,4 @@ class Stiffness:
         function = self._functions[name]
         if function is None:
             return None
-        value = np.asarray(function(t), dtype=float)
-        return value if value.shape == (3, 3) else np.diag(np.broadcast_to(value, 3))
+        return gain(f"variation: {name} at {t:g} s", function(t), 3)

@@ -17,7 +17,7 @@ from phcontrol.tanks.stiffness import Stiffness
 class StiffnessAction(Action):
     """a = −𝒥ᵀF_v: what the wrench of a spring is with K(t), less what it is with the constant part K_c.
 
-        F_v = ((K_t(t) − K_t)e, R vee(G_v R_e − R_eᵀG_v)),   G_v = ½tr(K_v)1 − K_v,  K_v = K_r(t) − K_r
+        F_v = ((A K_t(t)Aᵀ − K_t)e, R vee(G_v R_e − R_eᵀG_v)),   G_v = ½tr(K_v)1 − K_v,  K_v = K_r(t) − K_r
 
     The constant part has a potential; this has none (F. Ferraguti, C. Secchi and C. Fantuzzi, "A tank-based approach to
     impedance control with variable stiffness", ICRA 2013).
@@ -26,7 +26,8 @@ class StiffnessAction(Action):
         frame: its name.
         goal: t -> the pose of the spring's goal.
         stiffness: K(t).
-        across: P, shape (3, 3): of K_t(t) what acts is P K_t P, for a direction that is left free.
+        across: A, shape (3, 3): of K_t(t) what acts is A K_t Aᵀ, from its axes into the world's, and less a direction
+            that is left free.
         constant: (K_t, K_r), what the potential holds, shape (3, 3) each, axes of the world [N/m] and of the goal
             [N·m/rad].
     """
@@ -49,7 +50,7 @@ class StiffnessAction(Action):
         translational, rotational = self.stiffness.translational(t), self.stiffness.rotational(t)
         wrench: Array = np.zeros(6)
         if translational is not None:
-            change = self._across @ translational @ self._across - self._constant[0]
+            change = self._across @ translational @ self._across.T - self._constant[0]
             wrench[:3] = change.dot(kinematics.translation - goal.translation)
         if rotational is not None:
             change = rotational - self._constant[1]

@@ -62,7 +62,7 @@ class WithoutGyroscopicForces(Spring):
 
 
 class Led(Spring):
-    """A goal that moves by a sine, on the error state (theory section 11)."""
+    """A goal that moves by a sine, on the error state (docs/theory.md)."""
 
     forms = ("coriolis",)
 

@@ -25,6 +25,7 @@ from phcontrol import (
     UnknownNameError,
     Wrench,
     certify,
+    load_robot,
     make_controller,
     simulate,
 )
@@ -375,6 +376,95 @@ def test_paths_that_do_not_fit_are_refused(panda):
     joints = MinimumJerk.within_limits(panda.robot, panda.robot.home, POSTURES[0])
     with pytest.raises(InvalidArgumentError, match="path of a frame"):
         CartesianImpedance(panda, reference=joints, **HAND)
+
+
+@pytest.mark.parametrize("law", ["cartesian", "shaping"])
+def test_a_path_of_points_does_not_go_with_a_spring_that_turns(panda, law):
+    """What the path leaves free would be turned to the axes of the world; with a free orientation it is followed."""
+    start, end = pose(panda, POSTURES[0]), pose(panda, POSTURES[1])
+    path = FrameLine(panda.hand_frame, start.translation, end.translation, 2.0)
+
+    def made(stiffness):
+        if law == "cartesian":
+            held = {"translational_stiffness": 300.0, "rotational_stiffness": stiffness}
+            return CartesianImpedance(panda, reference=path, **held)
+        spring = FrameSpring(panda.hand_frame, start, translational_stiffness=300.0, rotational_stiffness=stiffness)
+        return EnergyShaping.tuned(panda, potential=spring, reference=path)
+
+    with pytest.raises(InvalidArgumentError, match=r"^reference: leaves the orientation of '.*' free"):
+        made(10.0)
+    assert made(None).reference is path
+
+
+@pytest.mark.parametrize("frame", ["universe", "panda_link0", "panda_link1", "panda_link2"])
+def test_frames_that_do_not_move_are_refused(panda, frame):
+    for make in (
+        lambda: CartesianImpedance(panda, frame=frame, goal=np.eye(4), translational_stiffness=300.0),
+        lambda: CartesianImpedance.tuned(panda, frame=frame),
+    ):
+        with pytest.raises(InvalidArgumentError, match=f"^frame: must be one whose origin .* but '{frame}' stays"):
+            make()
+
+
+def test_a_frame_that_few_joints_move_has_no_rotational_stiffness(panda):
+    with pytest.raises(InvalidArgumentError, match="^frame: 'panda_link4' is moved by 4 joints"):
+        CartesianImpedance(panda, frame="panda_link4", goal=np.eye(4), **HAND)
+    assert CartesianImpedance.tuned(panda, frame="panda_link4").rotational_stiffness is None
+
+
+def test_points_are_goals_of_tuned_laws_too(panda):
+    point = pose(panda, POSTURES[0]).translation
+    for law in (
+        CartesianImpedance.tuned(panda, point),
+        CartesianImpedance.tuned(panda, point, rotational_stiffness=None),
+        make_controller("cartesian_impedance", panda, point),
+    ):
+        assert law.rotational_stiffness is None
+        assert law.out_of_reach.distance < 1e-6
+        np.testing.assert_array_equal(law.goal.translation, point)
+    path = FrameLine(panda.hand_frame, point, point + 0.1, 2.0)
+    assert CartesianImpedance.tuned(panda, reference=path).rotational_stiffness is None
+
+
+def small_arm(tmp_path, joints):
+    """An arm in a plane, every joint about y."""
+    links = [
+        f'<link name="l{k}"><inertial><mass value="1"/><origin xyz="0.1 0 0.1"/>'
+        '<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for k in range(joints + 1)
+    ]
+    hinges = [
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="0 0 0.3"/>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="100" velocity="5"/></joint>'
+        for k in range(joints)
+    ]
+    tool = (
+        f'<link name="tool"/><joint name="jt" type="fixed"><parent link="l{joints}"/><child link="tool"/>'
+        '<origin xyz="0.1 0 0.3"/></joint>'
+    )
+    file = tmp_path / "arm.urdf"
+    file.write_text(f'<robot name="small">{"".join(links + hinges)}{tool}</robot>')
+    return MechanicalSystem(load_robot(str(file)))
+
+
+def test_three_numbers_for_three_joints_are_refused(tmp_path):
+    """The constructor's point, and a posture of other laws: which, is not guessed."""
+    system = small_arm(tmp_path, 3)
+    with pytest.raises(InvalidArgumentError, match="^goal: may be a point or a posture"):
+        CartesianImpedance.tuned(system, [0.3, 0.1, 0.6])
+    with pytest.raises(InvalidArgumentError, match="^goal: may be a point or a posture"):
+        make_controller("cartesian_impedance", system, [0.3, 0.1, 0.6])
+    goal = pose(system, [0.3, 0.4, 0.5])
+    np.testing.assert_array_equal(CartesianImpedance.tuned(system, goal).goal.translation, goal.translation)
+
+
+def test_an_arm_of_one_joint(tmp_path):
+    """Its Jacobian has one column, and its hand is on a spring along its circle."""
+    system = small_arm(tmp_path, 1)
+    x = system.at([0.3], [0.7])
+    assert x.frame_kinematics("tool").jacobian.shape == x.frame_jacobian("tool", "world").shape == (6, 1)
+    law = CartesianImpedance.tuned(system, posture="tank")
+    assert certify(law, samples=16).verdict == "PASSED"
 
 
 def test_a_goal_out_of_reach_says_by_how_much(panda):

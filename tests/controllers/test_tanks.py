@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from phcontrol import (
+    After,
     CartesianImpedance,
     Controller,
+    ControlLoop,
     EnergyTank,
+    EventSchedule,
     ExternalAction,
     ForceFeedback,
     IntegralAction,
     InvalidArgumentError,
+    Measured,
     MechanicalSystem,
+    NonFiniteTorqueError,
+    Phase,
     Pose,
     PostureAction,
+    Schedule,
     Stiffness,
     TankedLaw,
     TrajectoryTracking,
@@ -79,6 +87,49 @@ def test_levels_stay_between_the_bounds_for_a_thousand_steps(start, rng):
     assert max(levels) <= tank.highest + 5e-3
 
 
+def test_the_longest_period_is_the_longest():
+    """With it no step of Euler's passes the lower bound, whatever the power; with 4 % more one does."""
+    tank = EnergyTank()
+    levels = tank.lowest + tank.ramp * np.linspace(0.0, 1.0, 2001)
+
+    def lowest_after(period, tank):
+        return min(
+            tank.level(state + period * tank.flow(state, power, 0.0).rate)
+            for state in map(tank.state, levels)
+            for power in (tank.largest_power, 1e4)
+        )
+
+    assert lowest_after(tank.longest_period, tank) >= tank.lowest * (1.0 - 1e-12)
+    wide = EnergyTank(initial=1000.0, lowest=1000.0, highest=1001.0, leak=1e-12)
+    levels = wide.lowest + wide.ramp * np.linspace(0.0, 1.0, 2001)
+    assert lowest_after(wide.longest_period, wide) >= wide.lowest * (1.0 - 1e-12)
+    assert lowest_after(1.04 * wide.longest_period, wide) < wide.lowest  # the bound is sharp where x_t hardly changes
+
+
+@pytest.mark.parametrize("in_schedule", [False, True])
+def test_periods_that_a_tank_cannot_keep_up_with_are_refused(shoulder, in_schedule):
+    law = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(stir))
+    if in_schedule:
+        law = Schedule([(0.0, ForceFeedback.tuned(shoulder)), (0.5, law)])
+    with pytest.raises(InvalidArgumentError, match=r"^period: must be at most 0.0022 s"):
+        simulate(shoulder, law, duration=0.1, control_period=5e-3)
+    with pytest.raises(InvalidArgumentError, match=r"^period: must be at most 0.0022 s"):
+        ControlLoop(shoulder, law, 5e-3)
+    assert ControlLoop(shoulder, law, 2e-3).period == 2e-3
+    assert ControlLoop(shoulder, ForceFeedback.tuned(shoulder), 5e-3).period == 5e-3
+
+
+def test_laws_that_share_a_tank_start_it_alike(shoulder):
+    """The state is x_t − x_t(0): with another start the level would jump at the switch."""
+    tuned = with_tank(ForceFeedback).tuned
+    laws = [tuned(shoulder, actions=ExternalAction(stir), tank=EnergyTank(initial=level)) for level in (2.0, 4.9, 2.0)]
+    with pytest.raises(InvalidArgumentError, match="same initial level, but do at 2 and 4.9 J"):
+        Schedule([(0.0, laws[0]), (1.0, laws[1])])
+    with pytest.raises(InvalidArgumentError, match="same initial level, but do at 2 and 4.9 J"):
+        EventSchedule([Phase("a", laws[0], [(After(0.5), "b")], within=9.0), Phase("b", laws[1])])
+    assert Schedule([(0.0, laws[0]), (1.0, laws[2])]).state_parts["tank"] == 1
+
+
 def test_valves_open_and_close_smoothly():
     """No jump of opening or refill on the way from an empty tank to a full one, nor of its rate at 0."""
     tank = EnergyTank()
@@ -101,6 +152,7 @@ def test_valves_open_and_close_smoothly():
         ({"ramp": 3.0}, "half"),
         ({"largest_power": -1.0}, "largest_power"),
         ({"initial": float("nan")}, "initial"),
+        ({"leak": 5000.0}, "leak: must be <= 1"),
     ],
 )
 def test_bad_bounds_are_refused(options, message):
@@ -274,6 +326,27 @@ def test_stiffness_that_varies_while_pushed():
     assert excess["cartesian_impedance"] < 1e-6
 
 
+@pytest.mark.parametrize("free", [None, [1.0, 1.0, 0.0]])
+def test_a_variation_is_in_the_axes_of_the_stiffness(free):
+    """K(t) = K_t of the tool's axes changes nothing; in those of the world it did."""
+    system = arm("panda")
+    start = system.robot.near_home()
+    hand = system.at(start).placement(system.hand_frame).translation
+    goal = Pose(np.array(hand), pin.exp3(np.array([0.3, -0.5, 0.4])))
+    gains = {
+        "goal": goal, "translational_stiffness": [900.0, 300.0, 100.0], "rotational_stiffness": 10.0, "axes": "tool",
+        "free_direction": free,
+    }  # fmt: skip
+    same = CartesianImpedance(system, variation=Stiffness(lambda t: [900.0, 300.0, 100.0], duration=1.0), **gains)
+    x = system.at(start + 0.2, np.ones(7))
+    assert np.abs(same.paid[0].torque(0.3, x)).max() < 1e-10
+    half = CartesianImpedance(system, variation=Stiffness(lambda t: [450.0, 150.0, 50.0], duration=1.0), **gains)
+    wrench = half.hand_spring.wrench(x.frame_kinematics(system.hand_frame), goal)[:3]
+    expected = 0.5 * wrench @ x.frame_kinematics(system.hand_frame).jacobian[:3]
+    np.testing.assert_allclose(half.paid[0].torque(0.3, x), expected, atol=1e-10)
+    assert np.abs(expected).max() > 1.0
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -283,12 +356,59 @@ def test_stiffness_that_varies_while_pushed():
         (lambda: Stiffness(500.0, duration=1.0), "function of time"),
         (lambda: Stiffness(lambda t: [1.0, 2.0], duration=1.0), "length 3"),
         (lambda: Stiffness(lambda t: 500.0, duration=0.0), "duration"),
+        (lambda: Stiffness(lambda t: -500.0, duration=1.0), "variation: translational at 0 s: must be positive"),
+        (lambda: Stiffness(lambda t: 500.0 - t, duration=1.0).translational(501.0), "at 501 s: must be positive"),
+        (lambda: Stiffness(rotational=lambda t: [1.0] * (3 + int(t)), duration=1.0).rotational(2.0), "at 2 s"),
+        (lambda: Stiffness(lambda t: np.inf if t else 1.0, duration=1.0).translational(1.0), "at 1 s: must be finite"),
         (lambda: with_tank(Controller.__mro__[-1]), "class of a law"),
     ],
 )
 def test_bad_actions_are_refused(make, message):
     with pytest.raises(InvalidArgumentError, match=message):
         make()
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_power_beyond_all_numbers_ends_in_an_error(shoulder, direction):
+    """Not in a valve that is closed, a torque that is finite, and a tank's rate that is none."""
+    law = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(lambda t, x: np.full(2, 1e308)))
+    x = shoulder.at([0.0, 0.0], [direction, direction])
+    with pytest.raises(NonFiniteTorqueError, match="power = -?inf"), np.errstate(over="ignore"):
+        law.evaluate(0.0, x, np.zeros(3), Measured(external_force=np.zeros(2)))
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    ["position", "velocity", "mass_matrix", "potential_gradient", "coriolis_matrix", "input_matrix", "factor"],
+)
+def test_an_action_that_writes_to_the_state_is_refused(quantity):
+    """The state is the plant's own: a law that wrote to it would steer a simulation, not an arm."""
+    system = arm("panda")
+
+    def careless(t, x):
+        value = getattr(x, quantity)
+        value -= 1.0
+        return np.zeros(7)
+
+    with pytest.raises(InvalidArgumentError, match="careless' of an ExternalAction writes to the state"):
+        with_tank(ForceFeedback).tuned(system, actions=ExternalAction(careless))
+
+
+@pytest.mark.parametrize("name", ["panda", "panda_with_fingers"])
+def test_an_action_sees_every_quantity_of_the_state(name):
+    """What its read-only state computes is what the plant's own does, of arms with mimic joints too."""
+    system = MechanicalSystem(load_robot("panda")) if name == "panda_with_fingers" else arm(name)
+    position = system.robot.near_home()
+    x, seen = system.at(position, np.ones(system.n)), []
+    ExternalAction(lambda t, view: seen.append(view) or np.zeros(system.n)).torque(0.0, x)
+    (view,) = seen
+    for quantity in ("mass_matrix", "coriolis_matrix", "factor", "factor_rate", "gravity", "momentum", "damping"):
+        np.testing.assert_array_equal(getattr(view, quantity), getattr(x, quantity))
+    hand = system.hand_frame
+    np.testing.assert_array_equal(view.frame_kinematics(hand).jacobian, x.frame_kinematics(hand).jacobian)
+    np.testing.assert_array_equal(view.task_space(hand).mobility, x.task_space(hand).mobility)
+    np.testing.assert_array_equal(view.canonical_interconnection, x.canonical_interconnection)
+    assert view.energy == x.energy
 
 
 @pytest.mark.parametrize(
