@@ -42,11 +42,12 @@ OTHERS = (0.1, 0.03, 0.003, 0.001)
 READ = 0.01
 """How close q and q_d must be to be one curve [rad]: figure 6.1 cannot be read more finely."""
 FREQUENCY = (
-    "1/30 Hz, of the captions of figures 6.1 and 6.2; section 6.2 prints ω = {π/10, 0} Hz, which is 1/20 Hz if rad/s is "
-    "meant, and π/10 Hz if not"
+    "1/30 Hz, of the captions of figures 6.1 and 6.2; section 6.2 prints ω = {π/10, 0} Hz, which is 1/20 Hz if rad/s "
+    "is meant, and π/10 Hz if not"
 )
 R3_CHOSEN = (
-    f"{FREQUENCY}. R3 was looked for to have the printed error; figure 6.1 is of the same run, and reproduced with E26 mended"
+    f"{FREQUENCY}. R3 was looked for to have the printed error; figure 6.1 is of the same run, and "
+    "reproduced with E26 mended"
 )
 
 
@@ -178,7 +179,8 @@ def _position(name: str, logs: dict[str, Log]) -> Outcome:
         logs,
         [
             Claim("on-it-at-10s", f"q is on q_d at 10 s, from {_distance(log, 0.0):.2f} rad", Origin.FIGURE,
-                  "figure 6.1", (0.0,), "rad", READ, [Finding((_distance(sharp, 10.0),), "E22, E26", chosen=f"q(0) = {START} rad, α_f = {SHARP} rad²/s²")], "=",
+                  "figure 6.1", (0.0,), "rad", READ,
+                  [Finding((_distance(sharp, 10.0),), "E22, E26", chosen=f"q(0) = {START}, α_f = {SHARP}")], "=",
                   f"with the friction's sign smoothed by {SHARP} rad²/s², where static friction brakes the approach; "
                   f"{_distance(log, 10.0):.1e} rad with {CHOSEN}"),
             Claim("asymptotic", "q goes to q_d asymptotically: at 60 s", Origin.THEOREM, "Theorem 6.1.1", (0.0,),
@@ -215,8 +217,8 @@ def _error(name: str, logs: dict[str, Log]) -> Outcome:
                 ],
                 reason=f"F_v A ω/K_t = {1e3 * known:.2f} mrad, from printed numbers alone: (6.15) counts the viscous "
                 f"friction twice. With all of (2.14)'s friction twice it would be {1e3 * peaks[CHOSEN]['printed']:.0f} "
-                f"to {1e3 * peaks[SHARP]['printed']:.0f} mrad, by α_f; with the law corrected there is none, and figure 6.1, the same run, reaches "
-                "q_d: the two figures are of two laws",
+                f"to {1e3 * peaks[SHARP]['printed']:.0f} mrad, by α_f; with the law corrected there is none, and figure 6.1, "
+                "the same run, reaches q_d: the two figures are of two laws",
             ),
         ],
         {name: lambda: _error_figure(logs, peaks)},
