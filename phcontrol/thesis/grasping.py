@@ -242,8 +242,8 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
                 (printed.contact[1],), "s", READ_TIME,
                 [Finding((touch[f"{reading}-classical"],), reading=reading) for reading in VIRTUAL],
                 reason="before contact the body does not matter, so that with K_Hd = 3, as printed for both bodies, "
-                "figures 4.2 and 4.4 are of one motion, yet print 0.80 s and 1.30 s. The note \"we choose K_Hd = C\" would "
-                f"make it 1.5 for the compliant body, and {_damped_alike():.2f} s, beside "
+                "figures 4.2 and 4.4 are of one motion, yet print 0.80 s and 1.30 s. The note \"we choose K_Hd = C\" "
+                f"would make it 1.5 for the compliant body, and {_damped_alike():.2f} s, beside "
                 f"{touch['R1-classical']:.2f} s with 3: near the two printed times, but each at the other body",
             ),
             Claim(
@@ -265,8 +265,8 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
              Finding((apart["R2"],), reading="R2", vacuous=never),
              *(Finding((_apart(logs, group, "classical-reversed"),), reading="R1", chosen=_reversed_on(group),
                        fitted=True) for group in reversed_in)],
-            reason="once there is contact, (4.60) is held by the body and (4.61), which does not feel it, is not; with the "
-            "sign of f_e reversed it is held twice",
+            reason="once there is contact, (4.60) is held by the body and (4.61), which does not feel it, is not; with "
+            "the sign of f_e reversed it is held twice",
         )
     )  # fmt: skip
     return claims

@@ -6,7 +6,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,7 @@ from phcontrol.thesis.tally import Tally
 
 CERTIFIED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
 """The thesis's arms; each is one task, "certificates-NAME"."""
+GRASPING_READINGS = ("R1", "R2")
 REPORT, CLAIMS = "index.html", "claims.json"
 """What is written beside the tasks' folders."""
 
@@ -62,12 +63,24 @@ class Reproduction:
             f"our own claims: {ours.reproduced} of {ours.total} met"
             if any(name in STUDIES for name in tasks)
             else "no study was asked for",
+            *(f"  under {text}" for text in grasping_by_reading(self.results["studies"])),
             f"{len(rows)} certificates: {sum(row['passed'] for row in rows)} passed"
             if any(name not in STUDIES for name in tasks)
             else "no certificate was asked for",
             *(f"FAILED: {name}: {reason}" for name, reason in self.results["failed"].items()),
         ]
         return "\n".join(lines)
+
+
+def grasping_by_reading(studies: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return how section 4.2 fares under each of its readings, in words: no reading is best for all of it."""
+    claims = [claim for study in studies for claim in study["claims"] if "section 4.2" in claim["source"]]
+    tallies = {reading: Tally.under(claims, reading) for reading in GRASPING_READINGS}
+    return [
+        f"{reading}, section 4.2: {tally.reproduced} of {tally.total} reproduced ({tally.by_verdict})"
+        for reading, tally in tallies.items()
+        if tally.total
+    ]
 
 
 def task_names() -> list[str]:

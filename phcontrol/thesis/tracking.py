@@ -217,8 +217,8 @@ def _error(name: str, logs: dict[str, Log]) -> Outcome:
                 ],
                 reason=f"F_v A ω/K_t = {1e3 * known:.2f} mrad, from printed numbers alone: (6.15) counts the viscous "
                 f"friction twice. With all of (2.14)'s friction twice it would be {1e3 * peaks[CHOSEN]['printed']:.0f} "
-                f"to {1e3 * peaks[SHARP]['printed']:.0f} mrad, by α_f; with the law corrected there is none, and figure 6.1, "
-                "the same run, reaches q_d: the two figures are of two laws",
+                f"to {1e3 * peaks[SHARP]['printed']:.0f} mrad, by α_f; with the law corrected there is none, and "
+                "figure 6.1, the same run, reaches q_d: the two figures are of two laws",
             ),
         ],
         {name: lambda: _error_figure(logs, peaks)},
