@@ -6,7 +6,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +23,12 @@ from phcontrol._version import __version__
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
 from phcontrol.runs.task_folder import clear, read_done, read_json, take
+from phcontrol.thesis.grasping_readings import grasping_by_reading
 from phcontrol.thesis.registry import STUDIES
 from phcontrol.thesis.tally import Tally
 
 CERTIFIED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
 """The thesis's arms; each is one task, "certificates-NAME"."""
-GRASPING_READINGS = ("R1", "R2")
 REPORT, CLAIMS = "index.html", "claims.json"
 """What is written beside the tasks' folders."""
 
@@ -70,17 +70,6 @@ class Reproduction:
             *(f"FAILED: {name}: {reason}" for name, reason in self.results["failed"].items()),
         ]
         return "\n".join(lines)
-
-
-def grasping_by_reading(studies: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return how section 4.2 fares under each of its readings, in words: no reading is best for all of it."""
-    claims = [claim for study in studies for claim in study["claims"] if "section 4.2" in claim["source"]]
-    tallies = {reading: Tally.under(claims, reading) for reading in GRASPING_READINGS}
-    return [
-        f"{reading}, section 4.2: {tally.reproduced} of {tally.total} reproduced ({tally.by_verdict})"
-        for reading, tally in tallies.items()
-        if tally.total
-    ]
 
 
 def task_names() -> list[str]:
