@@ -11,7 +11,7 @@ SECTION, GRASPING_READINGS = "section 4.2", ("R1", "R2")
 
 
 def grasping_by_reading(studies: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return how section 4.2 fares under each of its readings, in words: no reading is best for all of it."""
+    """Return how section 4.2 fares under each of its readings, in words; a claim counts in each of its own."""
     claims = [claim for study in studies for claim in study["claims"] if SECTION in claim["source"]]
     tallies = {reading: Tally.under(claims, reading) for reading in GRASPING_READINGS}
     return [
