@@ -65,7 +65,7 @@ def run() -> Outcome:
         notes=(
             f"alpha_f is not in the thesis; chosen {CHOSEN_SMOOTHING} rad²/s², see friction-smoothing.png: below 0.03 "
             "the smoothed static friction alone delays the approach by seconds, above 0.3 it hardly acts.",
-            "the blue curve of the figure is the measured law: the modeled one does not shift (errata E12).",
+            "the blue curve of the figure is the measured law: the modeled one does not shift (R6, E12).",
         ),
     )
 
@@ -123,14 +123,14 @@ def _claims(logs: dict[str, Log], long_run: Log, others: dict[float, Log]) -> li
         Claim(
             "shift-at-10s", "under f_e = (3, -3) it rests at q_d + K_p⁻¹f_e", Origin.TEXT, "section 3.4, figure 3.1",
             shifted, "rad", READ,
-            [Finding(_at(modeled, 10.0), "E8 to E10"), Finding(_at(measured, 10.0), "E8 to E10, E12")], "=",
-            "only where f_e enters the rate of z, which (3.2) with (3.1) leaves out",
+            [Finding(_at(modeled, 10.0), "E8 to E10"), Finding(_at(measured, 10.0), "E8 to E10, E12", "R6")], "=",
+            "only where f_e enters the rate of z, which (3.2) with (3.1) leaves out: another law than (3.11)",
         ),
         Claim(
             "stable", "under the constant f_e the closed loop (3.12) stays stable: speed before 10 s", Origin.TEXT,
             "section 3.4", (0.0,), "rad/s", READ,
             [Finding((_speed(modeled, 9.0, INTEGRAL_FROM),), "E8 to E10"),
-             Finding((_speed(measured, 9.0, INTEGRAL_FROM),), "E8 to E10, E12")],
+             Finding((_speed(measured, 9.0, INTEGRAL_FROM),), "E8 to E10, E12", "R6")],
             reason="largest of both joints during the last second",
         ),
         Claim(

@@ -55,6 +55,7 @@ class Finding:
         """Return everything, for JSON."""
         return {
             "ours": [float(value) if np.isfinite(value) else None for value in self.ours],
+            "verdict": self.verdict.value,
             "conditions": self.conditions,
             "erratum": self.erratum,
             "reading": self.reading,

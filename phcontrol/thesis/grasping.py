@@ -27,6 +27,7 @@ from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import impact_force, settling_time, touch_time
 from phcontrol.thesis.origin import Origin
+from phcontrol.thesis.reversed_compensation import ReversedCompensation
 from phcontrol.thesis.study import Outcome
 
 if TYPE_CHECKING:
@@ -37,19 +38,25 @@ START, PLACE, FORCE = 0.30, 0.20, 0.20
 """q(0), where the body begins [rad], f_d [N·m]."""
 VIRTUAL = {"R1": 0.0, "R2": 0.20}
 """The virtual position q_f [rad] under each reading."""
+REST_LENGTH = "q_rl(0) = 0, which the thesis does not print"
+STRETCHED = -0.20
+"""A rest length q_rl(0) with which the rest-length law touches under R2 too [rad]: chosen for the printed times."""
 DURATION, REGULATED_DURATION, DT = 12.0, 30.0, 2e-3  # [s]
 NOISE, PERIOD = 0.01, 0.01  # stand-in for the measurements: [N·m], [s]
-READ_TIME, READ_LONG, READ_FORCE, READ_ANGLE = 0.05, 0.1, 0.05, 0.01
-"""How finely the figures' numbers are given: multiples of 0.05 s up to a second, of 0.5 s beyond, of 0.05 N·m; and how
-far two curves of a figure may be apart and still be called one on top of the other [rad]."""
+READ_TIME, READ_LONG, READ_FORCE, READ_ANGLE = 0.025, 0.25, 0.025, 0.01
+"""How finely the figures' numbers are given, half of what they are multiples of: of 0.05 s up to a second, of 0.5 s
+beyond when a force is there, of 0.05 N·m (the thesis prints N). And how far two curves of a figure may be apart and
+still be called one on top of the other [rad]."""
 ALLOYS = {False: (150.0, 1.0), True: (70.0, 1.0)}
 """Stiffness [N·m/rad] and damping [N·m·s/rad] chosen for the rigid body, in simulation and stand-in: with them the
 classical law (4.60) has the printed impact."""
-FOAM = (35.0, 0.5)  # likewise for the foam; the printed one, 0.1 N·m/rad, needs 2 rad for 0.2 N·m
+FOAM = (35.0, 0.5)  # likewise for the foam; the printed stiffness, 0.1 N·m/rad, needs 2 rad for 0.2 N·m
+FOAM_TEXT = f"foam of {FOAM[0]:g} N·m/rad and {FOAM[1]:g} N·m·s/rad instead of the printed numbers"
 STYLES = {
     "grasping": ("#0072b2", "-", "rest-length law (4.59)"),
     "grasping-general": ("#56b4e9", "--", "rest-length law, general (4.47)"),
     "classical-compensated": ("#d55e00", "--", "classical, f_e cancelled (4.61)"),
+    "classical-reversed": ("#e69f00", "-.", "classical, f_e reversed (4.61)"),
     "classical": ("black", ":", "classical (4.60)"),
     "regulated": ("#009e73", "-", "ours: rest-length law, q_f regulated"),
     "classical-regulated": ("#cc79a7", "-.", "ours: classical, q_f regulated alike"),
@@ -67,7 +74,7 @@ class Printed:
     impact: tuple[float, float, float]
     """In the order of ``LAWS`` [N·m]."""
     settled: tuple[float, float | None, float | None]
-    """When f_d is there, likewise [s]: "(4.60) and (4.61) take t > 2 s, and t > 2.5 s"."""
+    """When f_d is there, likewise [s]: "at t > 0.90 s", "(4.60) and (4.61) take t > 2 s, and t > 2.5 s"."""
 
 
 PRINTED = {
@@ -85,8 +92,10 @@ def run(name: str, body: str, quantity: str, sampled: bool) -> Outcome:
     claims = _position_claims(body, sampled, printed) if quantity == "position" else _force_claims(body, sampled)
     kind = "a stand-in for the measurement: sampled at 10 ms, noisy force" if sampled else "simulation"
     notes = [
-        "R1: the body stands at 0.20 rad, the virtual position is 0. R2: both are at 0.20 rad, and no law that rests "
-        "at q_f touches; there only our laws grasp, which move q_f by the measured force.",
+        "R1: the body stands at 0.20 rad, the virtual position is 0, against the printed q_f = 0.20. R2: both are at "
+        f"0.20 rad, and with {REST_LENGTH}, no law touches; there only our laws grasp, which move q_f by the "
+        "measured force.",
+        "forces of the thesis are printed in N, K_p without a unit: read as N·m and N·m/rad, of the one joint.",
         f"chosen: {_body_text(body, sampled)}.",
         *([f"NOT the thesis's measurement, but a simulation: control every {PERIOD} s, force noise of {NOISE} N·m."]
           * sampled),
@@ -103,7 +112,8 @@ def _body_text(body: str, sampled: bool) -> str:
             *ALLOYS[sampled]
         )
     return (
-        "mass of the foam 0.01 kg·m², its surface 50 N·m/rad; the foam itself is the printed one unless said otherwise"
+        "mass of the foam 0.01 kg·m², its surface 50 N·m/rad; the foam's K_c and d_c are the printed ones unless said "
+        "otherwise; its coupling by (4.65), f_e = -y_c, is not: it makes the force a velocity, nothing at rest"
     )
 
 
@@ -111,7 +121,10 @@ def _body_text(body: str, sampled: bool) -> str:
 
 
 def make_laws(system: MechanicalSystem, body: str, reading: str) -> dict[str, Controller]:
-    """Return the thesis's laws with its gains for a body; under R2, where they do not touch, two of ours too."""
+    """Return the thesis's laws with its gains for a body.
+
+    Under R1 also (4.61) with f_e reversed; under R2, where they do not touch, two of ours.
+    """
     rest, damping = (0.5, 3.0) if body == "rigid" else (0.25, 1.5)
     goal = [VIRTUAL[reading]]
     grasp: dict[str, Any] = {"goal": goal, "stiffness": 1.0, "rest_stiffness": rest, "damping": damping}
@@ -122,7 +135,9 @@ def make_laws(system: MechanicalSystem, body: str, reading: str) -> dict[str, Co
         "classical-compensated": ClassicalImpedance(system, **classical, compensate_external_force=True),
         "classical": ClassicalImpedance(system, **classical),
     }
-    if reading == "R2":
+    if reading == "R1":
+        laws["classical-reversed"] = ReversedCompensation(system, **classical, compensate_external_force=True)
+    else:
         regulation = ForceRegulation([FORCE], gain=0.3, rate_limit=0.5)
         laws["regulated"] = ImpedanceGrasping(system, **grasp, regulation=regulation)
         laws["classical-regulated"] = ClassicalImpedance(system, **classical, regulation=regulation)
@@ -143,11 +158,13 @@ def make_body(body: str, law: str, sampled: bool = False) -> Body:
     )
 
 
-def grasp(law: Controller, body: Body, *, sampled: bool = False, duration: float = DURATION) -> Log:
-    """Close the gripper on a body from q(0) = 0.30 rad."""
-    options: dict[str, Any] = {}
+def grasp(
+    law: Controller, body: Body, *, sampled: bool = False, duration: float = DURATION, rest: float | None = None
+) -> Log:
+    """Close the gripper on a body from q(0) = 0.30 rad, with a rest length q_rl(0) if given [rad]."""
+    options: dict[str, Any] = {} if rest is None else {"controller_state0": [rest]}
     if sampled:
-        options = {"control_period": PERIOD, "sensors": [ForceSensor(noise=NOISE, period=PERIOD)]}
+        options |= {"control_period": PERIOD, "sensors": [ForceSensor(noise=NOISE, period=PERIOD)]}
     return simulate(law.system, law, duration=duration, dt=DT, q0=[START], bodies=[body], torque_limit=None, **options)
 
 
@@ -177,6 +194,20 @@ def _as_printed(body: str, sampled: bool) -> dict[str, float]:
     return times
 
 
+@cache
+def _stretched(body: str, sampled: bool) -> float:
+    """Return when (4.59) touches under R2 with another rest length at the start [s]."""
+    law = make_laws(MechanicalSystem(load_robot("pera_gripper")), body, "R2")["grasping"]
+    return touch_time(grasp(law, make_body(body, "grasping", sampled), sampled=sampled, duration=1.5, rest=STRETCHED))
+
+
+@cache
+def _damped_alike() -> float:
+    """Return when the classical law touches with K_Hd = C = 1.5, the compliant body's C [s]."""
+    law = make_laws(MechanicalSystem(load_robot("pera_gripper")), "compliant", "R1")["classical"].changed(damping=1.5)
+    return touch_time(grasp(law, make_body("compliant", "classical"), duration=2.0))
+
+
 # --- claims ---------------------------------------------------------------------------------------------------
 
 
@@ -195,11 +226,13 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
             "contact-grasping", "first contact with the rest-length law (4.59)", Origin.FIGURE, where,
             (printed.contact[0],), "s", READ_TIME,
             [
-                *(Finding((literal[reading],), reading=reading) for reading in VIRTUAL),
-                *(Finding((touch[f"{reading}-grasping"],), "E15", reading) for reading in VIRTUAL),
+                *(Finding((literal[reading],), reading=reading, chosen=REST_LENGTH) for reading in VIRTUAL),
+                *(Finding((touch[f"{reading}-grasping"],), "E15", reading, REST_LENGTH) for reading in VIRTUAL),
+                Finding((_stretched(body, sampled),), "E15", "R2", f"q_rl(0) = {STRETCHED} rad", fitted=True),
             ],
             reason=f"of (4.59), for a constant mass; the general law (4.47) touches "
-            f"at {touch['R1-grasping-general']:.2f} s under R1. Before contact no body matters",
+            f"at {touch['R1-grasping-general']:.2f} s under R1. Before contact no body "
+            "matters, so that the simulation and the stand-in differ by sampling alone",
         )
     ]  # fmt: skip
     if printed.contact[1] is not None:
@@ -208,35 +241,45 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
                 "contact-classical", "first contact with the classical laws (4.60), (4.61)", Origin.FIGURE, where,
                 (printed.contact[1],), "s", READ_TIME,
                 [Finding((touch[f"{reading}-classical"],), reading=reading) for reading in VIRTUAL],
-                reason="figures 4.2 and 4.4 print 0.80 s and 1.30 s for one and the same motion: the law, its "
-                "gains, q(0) and the place of the body are equal in both, and before contact nothing else matters; so "
-                "one of the two is wrong; it is 0.80 s",
+                reason="before contact the body does not matter, so that with K_Hd = 3, as printed for both bodies, "
+                "figures 4.2 and 4.4 are of one motion, yet print 0.80 s and 1.30 s. The note \"we choose K_Hd = C\" "
+                f"would make it 1.5 for the compliant body, and {_damped_alike():.2f} s, beside "
+                f"{touch['R1-classical']:.2f} s with 3: near the two printed times, but each at the other body",
             ),
             Claim(
                 "contact-earlier", "contact is earlier with the rest-length law than with the classical one: ratio",
                 Origin.TEXT, where, (1.0,), "", 0.0,
-                [Finding((_ratio(touch["R1-grasping"], touch["R1-classical"]),), "E15", "R1"),
-                 Finding((_ratio(touch["R2-grasping"], touch["R2-classical"]),), "E15", "R2")],
+                [Finding((_ratio(touch["R1-grasping"], touch["R1-classical"]),), "E15", "R1", REST_LENGTH),
+                 Finding((_ratio(touch["R2-grasping"], touch["R2-classical"]),), "E15", "R2", REST_LENGTH)],
                 "<=", "under R2 neither touches",
             ),
         ]  # fmt: skip
-    apart = {
-        reading: float(
-            np.abs(logs[f"{reading}-classical"].position - logs[f"{reading}-classical-compensated"].position).max()
-        )
-        for reading in VIRTUAL
-    }
+    apart = {group: _apart(logs, group, "classical-compensated") for group in VIRTUAL}
+    reversed_in = ["R1", *(["R1-foam"] * (body == "compliant"))]
     never = "neither touches, so that f_e = 0 but for noise, and then (4.61) is (4.60)"
     claims.append(
         Claim(
             "on-top", "the classical law with f_e cancelled (4.61) runs on top of (4.60): farthest apart",
             Origin.FIGURE, where, (0.0,), "rad", READ_ANGLE,
             [Finding((apart["R1"],), reading="R1"),
-             Finding((apart["R2"],), reading="R2", vacuous=never)],
-            reason="once there is contact, (4.60) is held by the body and (4.61), which does not feel it, is not",
+             Finding((apart["R2"],), reading="R2", vacuous=never),
+             *(Finding((_apart(logs, group, "classical-reversed"),), reading="R1", chosen=_reversed_on(group),
+                       fitted=True) for group in reversed_in)],
+            reason="once there is contact, (4.60) is held by the body and (4.61), which does not feel it, is not; with "
+            "the sign of f_e reversed it is held twice",
         )
     )  # fmt: skip
     return claims
+
+
+def _apart(logs: dict[str, Log], group: str, law: str) -> float:
+    """Return how far a law's position is at most from that of (4.60) [rad]."""
+    return float(np.abs(logs[f"{group}-classical"].position - logs[f"{group}-{law}"].position).max())
+
+
+def _reversed_on(group: str) -> str:
+    """Return what is chosen for (4.61) with f_e reversed, which the text does not say."""
+    return "the sign of f_e in (4.61) reversed" + (f"; {FOAM_TEXT}" if group == "R1-foam" else "")
 
 
 def _ratio(ours: float, theirs: float) -> float:
@@ -245,15 +288,28 @@ def _ratio(ours: float, theirs: float) -> float:
 
 GROWS = (
     "(4.59) and (4.61) cancel the f_e that they measure, so that nothing which the body does can hold them: they close "
-    "until q = q_f, and the force is what the body answers, more and more on the way (R1); or they never touch (R2). "
+    "until q = q_f, and the force is what the body answers, more and more on the way (R1); or, with q_rl(0) = 0, they "
+    "never touch (R2). By (4.65) as printed f_e = -y_c is a velocity, and no force is left at rest either. "
     "K_p q_f of (4.39) is the force of the virtual spring, not of the contact. Nor would (4.59) without -f_e do: it "
     "would rest where f_e = (d_g + C) K_p 0.20 N·m"
 )
 NOT_FELT = "it cancels the f_e that it measures: it presses on, whatever the body answers (R1), or never touches (R2)"
 OUT_OF_ORDER = (
-    f"{NOT_FELT}. Up to contact (4.60) and (4.61) are one law and hit the body equally fast; then (4.61) does not feel "
-    "it and presses deeper, so that on no body its impact can be the lower one, as is printed"
+    f"{NOT_FELT}. Up to contact (4.60) and (4.61) are one law and hit the body equally fast; then (4.61), with the "
+    "printed sign, does not feel it and presses deeper. With the sign of f_e reversed its impact is the lower one, as "
+    "is printed, but then it rests at 0.10 N·m, not at f_d"
 )
+
+
+ALIKE = "on the foam's printed numbers (4.60) and (4.61) have one impact, whatever they do with f_e"
+
+
+def _late(body: str) -> str:
+    """Return why the classical law is settled when it is."""
+    if body == "compliant":
+        return "the foam's printed numbers do not answer with f_d; the time is that of the approach, and of the band"
+    log = _logs("rigid", False)["R1-classical"]
+    return f"within 10 % it would be {settling_time(log, FORCE, 0.1):.2f} s: the band is ours, and was not fitted"
 
 
 def _force_claims(body: str, sampled: bool) -> list[Claim]:
@@ -261,24 +317,29 @@ def _force_claims(body: str, sampled: bool) -> list[Claim]:
     impact = {key: impact_force(log) for key, log in logs.items()}
     settled = {key: settling_time(log, FORCE) for key, log in logs.items()}
     compliant = body == "compliant"
-    foam = f"foam of {FOAM[0]:g} N·m/rad and {FOAM[1]:g} N·m·s/rad instead of the printed one"
     alloy = "" if compliant else _body_text(body, sampled)
 
     def findings(values: dict[str, float], law: str, fitted: bool) -> list[Finding]:
         erratum = "E15" if law == "grasping" else ""
         untouched = "it never touches" if values[f"R2-{law}"] == 0.0 else ""
+        same = ALIKE if compliant and fitted and law != "grasping" else ""
         found = [
-            Finding((values[f"R1-{law}"],), erratum, "R1", alloy, fitted=fitted and not compliant),
+            Finding((values[f"R1-{law}"],), erratum, "R1", alloy, fitted=fitted and not compliant, vacuous=same),
             Finding((values[f"R2-{law}"],), erratum, "R2", vacuous=untouched),
         ]
         if compliant:
-            found.append(Finding((values[f"R1-foam-{law}"],), erratum, "R1", foam, fitted=True))
+            found.append(Finding((values[f"R1-foam-{law}"],), erratum, "R1", FOAM_TEXT, fitted=True))
+        if law == "classical-compensated":
+            found += [
+                Finding((values[f"{group}-classical-reversed"],), reading="R1", chosen=_reversed_on(group), fitted=True)
+                for group in ["R1-foam" if compliant else "R1"]
+            ]
         return found
 
     reasons = {"grasping": NOT_FELT, "classical-compensated": OUT_OF_ORDER, "classical": ""}
     if compliant:
         reasons["classical"] = (
-            "the printed foam (K_c = 0.1 N·m/rad) answers with 0.02 N·m at most; for the impact of the simulation it "
+            "the printed foam (K_c = 0.1 N·m/rad) answers with 0.02 N·m at rest; for the impact of the simulation it "
             f"must be some {FOAM[0]:g} N·m/rad, and the measured one rests at f_d = 0.20 above its own impact of 0.15"
         )
     claims = [
@@ -290,11 +351,11 @@ def _force_claims(body: str, sampled: bool) -> list[Claim]:
         if value is None:
             continue
         first = law == "grasping"
-        statement = f"f_d = 0.20 is there, within 5 %, {'from' if first else 'only after'}: {STYLES[law][2]}"
+        statement = f"f_d = 0.20 is there, within 5 %, from: {STYLES[law][2]}"
         claims.append(
             Claim(f"settled-{law}", statement, Origin.FIGURE, where, (value,), "s",
-                  READ_TIME if first else READ_LONG, findings(settled, law, False), "=" if first else ">=",
-                  NOT_FELT if law != "classical" else "")
+                  READ_TIME if first else READ_LONG, findings(settled, law, False),
+                  reason=_late(body) if law == "classical" else NOT_FELT)
         )  # fmt: skip
     claims += [
         Claim("steady-force", "the force of the rest-length law has no steady-state error", Origin.TEXT, where,

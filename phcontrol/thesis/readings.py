@@ -7,8 +7,9 @@ from __future__ import annotations
 
 READINGS: dict[str, str] = {
     "R1": "the body stands at 0.20 rad and the virtual position is 0, so that K_p (0.20 - 0) is f_d = 0.20 in (4.39)",
-    "R2": "the virtual position is q_f = 0.20 rad, where the body begins: q̄ = q - 0.20 in (4.59)",
+    "R2": "the virtual position is q_f = 0.20 rad, where the body begins: q̄ = q - 0.20 in (4.59), with q_rl(0) = 0",
     "R3": "the friction in section 6.2, of the plant and in the law, is the viscous one",
     "R4": "the law of section 6.3 has a model of the viscous friction only, the arm has all of it",
     "R5": "image features are in millimetres, as section 5.4.2 gives them, so K_tau in rad/s/mm",
+    "R6": "the law of figure 3.1 feeds back the measured f_e too, which (3.2) with (3.1) leaves out",
 }

@@ -8,6 +8,7 @@ from html import escape
 from importlib import resources
 from typing import Any
 
+from phcontrol.thesis.grasping_readings import grasping_by_reading
 from phcontrol.thesis.report_claims import KINDS, claim_card, linked
 from phcontrol.thesis.report_tables import certificate_table, errata_and_readings, provenance, theorem_table
 from phcontrol.thesis.tally import Tally
@@ -103,6 +104,7 @@ def _parts(studies: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, list[Ma
 def _sections(studies: Sequence[Mapping[str, Any]]) -> Iterable[str]:
     for anchor, title, found in _parts(studies):
         yield f'<h2 id="{anchor}">{escape(title)}</h2>'
+        yield from (f"<p>Under {linked(text)}.</p>" for text in grasping_by_reading(found))
         for study in found:
             yield from _study(study)
 

@@ -23,6 +23,7 @@ from phcontrol._version import __version__
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
 from phcontrol.runs.task_folder import clear, read_done, read_json, take
+from phcontrol.thesis.grasping_readings import grasping_by_reading
 from phcontrol.thesis.registry import STUDIES
 from phcontrol.thesis.tally import Tally
 
@@ -62,6 +63,7 @@ class Reproduction:
             f"our own claims: {ours.reproduced} of {ours.total} met"
             if any(name in STUDIES for name in tasks)
             else "no study was asked for",
+            *(f"  under {text}" for text in grasping_by_reading(self.results["studies"])),
             f"{len(rows)} certificates: {sum(row['passed'] for row in rows)} passed"
             if any(name not in STUDIES for name in tasks)
             else "no certificate was asked for",

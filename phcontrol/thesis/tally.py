@@ -33,6 +33,17 @@ class Tally:
         """Count what only we state."""
         return cls.of(claims, [Origin.OURS])
 
+    @classmethod
+    def under(cls, claims: Iterable[Mapping[str, Any]], reading: str) -> Tally:
+        """Count what the thesis states by the verdict under one reading; what was run under no such is left out."""
+        verdicts = []
+        for claim in claims:
+            findings = [entry for entry in claim["findings"] if entry["reading"] == reading]
+            if findings and Origin(claim["origin"]).of_the_thesis:
+                held = [Verdict(entry["verdict"]) for entry in findings if entry["holds"]]
+                verdicts.append(min(held, key=list(Verdict).index, default=Verdict.NOT_REPRODUCED))
+        return cls({verdict: verdicts.count(verdict) for verdict in Verdict})
+
     @property
     def total(self) -> int:
         """All claims."""

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLES, SEED = 200, 0
+DEFINITE = 1e-9
+"""From where a least eigenvalue is more than rounding."""
 DAMPINGS = (2.0, 5.0, 10.0, 20.0, 40.0)  # C [N·m·s/rad]
 FREQUENCIES = np.logspace(-4, 4, 2000)  # [rad/s]
 
@@ -103,9 +105,9 @@ def _matrices() -> list[Claim]:
     grasping = ImpedanceGrasping(system, goal=GOAL, stiffness=1.0, rest_stiffness=0.5, damping=3.0)
     A, K_z = feedback.coupling, feedback.force_gain
     Y, K_p, K_rl = A @ K_z, grasping.stiffness, grasping.rest_stiffness
-    generator = np.random.default_rng(SEED)
+    generator, matrices = np.random.default_rng(SEED), np.random.default_rng(SEED + 1)
     errors: dict[str, list[float]] = {"3.15": [], "3.15 as printed": [], "4.57": [], "4.57 as printed": []}
-    least = dict.fromkeys(("K", "U", "U_i"), np.inf)
+    least = dict.fromkeys(("K", "K without friction", "U", "U_i", "U_i diagonal"), np.inf)
     for _ in range(SAMPLES):
         q, v, state, force = (generator.normal(size=2) for _ in range(4))
         x = system.at(q, v)
@@ -119,11 +121,12 @@ def _matrices() -> list[Claim]:
         rate = storage_rate(feedback, q, v, state, np.zeros(2))
         errors["3.15"].append(_relative(rate, -gradient @ corrected @ gradient))
         errors["3.15 as printed"].append(_relative(rate, -gradient @ printed @ gradient))
-        least["K"] = min(least["K"], float(np.linalg.eigvalsh(printed)[0]))
-        inner = np.block(
-            [[np.diag(INTEGRAL_GAIN) / 15.0, np.zeros((2, 4))], [np.zeros((4, 2)), printed]]
-        )  # fmt: skip
-        least["U_i"] = min(least["U_i"], float(np.linalg.eigvalsh(inner)[0]))
+        least["K"] = min(least["K"], _least(printed))
+        zero = np.zeros((2, 2))
+        bare = np.block([[x.transformed_injection(feedback.damping), zero], [zero, zero]])
+        least["K without friction"] = min(least["K without friction"], _least(bare))
+        for name, ratio in (("U_i diagonal", np.diag(INTEGRAL_GAIN) / 15.0), ("U_i", _full_ratio(matrices))):
+            least[name] = min(least[name], _least(np.block([[ratio, np.zeros((2, 4))], [np.zeros((4, 2)), printed]])))
 
         stretched = K_p @ (q - GOAL - state)
         adapted = x.transformed_momentum + x.factor.T @ stretched
@@ -142,19 +145,38 @@ def _matrices() -> list[Claim]:
               Origin.THEOREM, "Theorem 3.2.1, (3.15)",
               findings=[Finding((worst["3.15 as printed"],), "E8 to E10"), Finding((worst["3.15"],), "E8 to E11")],
               **balance),
-        Claim("definite-feedback", "the matrix K of (3.15) is positive definite: least eigenvalue", Origin.THEOREM,
-              "Theorem 3.2.1, (3.15)", findings=[Finding((least["K"],))],
-              reason="with friction in every joint; without it K is semidefinite", **positive),
-        Claim("definite-integral", "the matrix U of (3.49) is positive semidefinite: least eigenvalue", Origin.THEOREM,
-              "Theorem 3.2.5, (3.49)", findings=[Finding((least["U_i"],))], **positive),
+        Claim("definite-feedback", "the matrix K of (3.15) is positive definite: least eigenvalue over D ≥ 0",
+              Origin.THEOREM, "Theorem 3.2.1, (3.15)", (DEFINITE,), "", 0.0,
+              [Finding((min(least["K"], least["K without friction"]),))], ">=",
+              f"of (2.2) only D ≥ 0 is asked, and without friction K is semidefinite; with friction in every joint, as "
+              f"the shoulder has it, the least eigenvalue is {least['K']:.2g}"),
+        Claim("definite-integral", "the matrix U of (3.49) is positive semidefinite for K_i, K_p > 0: least eigenvalue",
+              Origin.THEOREM, "Theorem 3.2.5, (3.49)", findings=[Finding((least["U_i"],))],
+              reason="of its symmetric part: K_iK_p⁻¹ of two positive definite matrices need not be one. For diagonal "
+              f"gains, as section 3.4 has them, it holds: {least['U_i diagonal']:.2g}", **positive),
         Claim("balance-grasping", "the rate of Ĥ under impedance grasping is (4.57) with U of (4.58): relative error",
               Origin.THEOREM, "Theorem 4.2.3, (4.57), (4.58)",
               findings=[Finding((worst["4.57 as printed"],), "E15"), Finding((worst["4.57"],), "E15, E27")],
               reason="K_pK_p is the damping that the rest length adds (remark 4.2.4); q̂_rl is K_rl q_rl - K_p e",
               **balance),
         Claim("definite-grasping", "the matrix U of (4.58) is positive definite: least eigenvalue of K_pK_p and "
-              "D̄ + ḠCḠᵀ", Origin.THEOREM, "Theorem 4.2.3, (4.58)", findings=[Finding((least["U"],))], **positive),
+              "D̄ + ḠCḠᵀ", Origin.THEOREM, "Theorem 4.2.3, (4.58)",
+              findings=[Finding((least["U"],), vacuous="squares, and sums of them")],
+              **positive),
     ]  # fmt: skip
+
+
+def _least(matrix: Array) -> float:
+    """Return the least eigenvalue of the symmetric part, which is all that a quadratic form sees."""
+    return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
+
+
+def _full_ratio(generator: np.random.Generator) -> Array:
+    """Return K_iK_p⁻¹ of two random full gains, symmetric and positive definite, with eigenvalues from 1 to 20."""
+    turns = [np.linalg.qr(generator.normal(size=(2, 2)))[0] for _ in range(2)]
+    first, second = (turn @ np.diag(generator.uniform(1.0, 20.0, 2)) @ turn.T for turn in turns)
+    ratio: Array = np.linalg.solve(second, first).T
+    return ratio
 
 
 def _relative(rate: float, expected: float) -> float:
@@ -193,13 +215,17 @@ def _gain(gains: dict[float, float]) -> list[Claim]:
     falls = sum(after < before for before, after in itertools.pairwise(gains.values()))
     allowed = {damping: 1.0 / np.sqrt(2.0 * damping - 1.0) for damping in DAMPINGS}
     share = max(gains[damping] / allowed[damping] for damping in DAMPINGS)
+    first = max(gains[damping] * np.sqrt(4.0 * damping - 2.0) for damping in DAMPINGS)
     return [
         Claim("gain-falls", f"a larger C makes the L₂ gain γ smaller: in how many of {len(gains) - 1} steps",
               Origin.TEXT, "remark 3.2.3", (len(gains) - 1.0,), "", 0.0, [Finding((float(falls),), "E8 to E10")],
               reason=", ".join(f"C = {damping:g}: {gain:.3g}" for damping, gain in gains.items())),
         Claim("gain-bound", "f_e is attenuated to the γ of (3.17) to (3.20): gain over γ", Origin.THEOREM,
-              "Theorem 3.2.2", (1.0,), "", 0.0, [Finding((share,), "E8 to E10, E24")], "<=",
-              "of the true loop, linearised at q_d; the bound is loose, 1/λ_min(C) is the gain itself"),
+              "Theorem 3.2.2", (1.0,), "", 0.0,
+              [Finding((first,), "E8 to E10", chosen="γ = 1/√(4C - 2), to which (3.17) alone goes, without friction"),
+               Finding((share,), "E8 to E10, E24", chosen="γ = 1/√(2C - 1), the least of H_d's")], "<=",
+              "of the true loop, linearised at q_d. An invertible A makes (3.18) ask for the corrected γ "
+              "too; the bound is loose, 1/λ_min(C) is the gain itself"),
     ]  # fmt: skip
 
 

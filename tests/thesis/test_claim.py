@@ -87,3 +87,15 @@ def test_the_tally_counts_the_thesis_apart_and_only_what_could_fail():
     assert (Tally.of_ours(claims + ours).total, Tally.of_ours(claims + ours).reproduced) == (2, 1)
     assert [claim(findings[i], origin=Origin.OURS).verdict_text for i in (0, 5)] == ["met", "not met"]
     assert Tally.of(claims, iter([Origin.TEXT])).total == 6
+
+
+def test_a_tally_under_one_reading_counts_only_what_was_run_under_it():
+    first = claim(Finding((2.0,), reading="R1"), Finding((1.0,), reading="R2"))
+    second = claim(Finding((1.0,), "E9", "R1"), Finding((1.0,), reading="R2", vacuous="never touches"))
+    third = claim(Finding((1.0,), reading="R1"), Finding((1.0,), reading="R1", fitted=True))
+    claims = [entry.to_dict() for entry in (first, second, third, claim(Finding((1.0,))))]
+    claims.append(claim(Finding((1.0,), reading="R1"), origin=Origin.OURS).to_dict())
+    under = {reading: Tally.under(claims, reading) for reading in ("R1", "R2")}
+    assert (under["R1"].total, under["R1"].reproduced, under["R1"].counts[Verdict.NOT_REPRODUCED]) == (3, 2, 1)
+    assert (under["R2"].total, under["R2"].reproduced, under["R2"].counts[Verdict.VACUOUS]) == (2, 1, 1)
+    assert Tally.under(claims, "R3").total == 0

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from phcontrol import MechanicalSystem, certify, load_robot
 from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
-from phcontrol.thesis.grasping import START, grasp, make_body, make_laws
+from phcontrol.thesis.grasping import START, STRETCHED, grasp, make_body, make_laws
 from phcontrol.thesis.measures import touch_time
 
 MASS, FRICTION, STIFFNESS = 0.5, 0.1, 1.0  # m_g, d_g, K_p
@@ -19,7 +19,7 @@ def system():
     return MechanicalSystem(load_robot("pera_gripper"))
 
 
-def first_at(place, virtual, rest, damping, sign):
+def first_at(place, virtual, rest, damping, sign, start=0.0):
     """Return when (4.59) and (4.44), written out for one joint, bring it to a place."""
 
     def rate(t, x):
@@ -34,7 +34,7 @@ def first_at(place, virtual, rest, damping, sign):
         return x[0] - place
 
     there.terminal = True
-    found = solve_ivp(rate, (0.0, 5.0), (START, 0.0, 0.0), events=there, rtol=1e-9, atol=1e-12)
+    found = solve_ivp(rate, (0.0, 5.0), (START, 0.0, start), events=there, rtol=1e-9, atol=1e-12)
     return float(found.t_events[0][0]) if found.t_events[0].size else np.inf
 
 
@@ -52,6 +52,23 @@ def test_under_r2_what_rests_at_the_body_never_touches_it(system):
     for name in ("grasping", "classical"):
         law = make_laws(system, "rigid", "R2")[name]
         assert grasp(law, make_body("rigid", name)).contact_force.max() == 0.0
+
+
+@pytest.mark.parametrize(("body", "rest", "damping"), [("rigid", 0.5, 3.0), ("compliant", 0.25, 1.5)])
+def test_under_r2_a_rest_length_at_the_start_makes_it_touch(system, body, rest, damping):
+    law = make_laws(system, body, "R2")["grasping"]
+    log = grasp(law, make_body(body, "grasping"), duration=1.0, rest=STRETCHED)
+    assert touch_time(log) == pytest.approx(first_at(0.20, 0.20, rest, damping, 1.0, STRETCHED), abs=2.1e-3)
+
+
+def test_with_the_force_reversed_the_arm_rests_at_half_the_spring(system):
+    """K_p q = 2 f_e: the body pushes once, the law adds as much; where (4.60) has K_p q = f_e."""
+    laws = make_laws(system, "rigid", "R1")
+    logs = {name: grasp(laws[name], make_body("rigid", name)) for name in ("classical-reversed", "classical")}
+    for name, share in (("classical-reversed", 0.5), ("classical", 1.0)):
+        log = logs[name]
+        assert log.contact_force[-1] == pytest.approx(share * STIFFNESS * log.position[-1, 0], rel=1e-3)
+    assert not certify(laws["classical-reversed"], system, samples=20).passed
 
 
 def test_the_law_as_printed_is_not_the_theorems(system):

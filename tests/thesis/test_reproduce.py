@@ -340,7 +340,7 @@ def test_the_report_in_a_browser(browser, done):
         for image in page.locator(".figure img").all():
             image.scroll_into_view_if_needed()  # they load when they come into view
         page.wait_for_function("[...document.images].every((image) => image.complete && image.naturalWidth > 500)")
-        assert page.locator(".claim.mended:visible").count() == 3
+        assert page.locator(".claim.mended:visible").count() == 4
         page.check("#only-bad")
         assert page.locator(".claim.mended:visible").count() == 0
         assert page.locator(".claim.bad:visible").count() == 1
