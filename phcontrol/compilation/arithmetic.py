@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import functools
 import math
 import threading
 from collections.abc import Callable
@@ -13,27 +14,35 @@ import numpy as np
 from scipy.linalg import lapack
 
 from phcontrol.compilation import linear_algebra
-from phcontrol.compilation.errors import NotTraceableError
-from phcontrol.compilation.symbol import Symbol, SymbolArray, is_symbolic, larger, symbols
+from phcontrol.compilation.symbol import (
+    TRACING,
+    Symbol,
+    SymbolArray,
+    is_real,
+    is_symbolic,
+    larger,
+    refuse,
+    symbols,
+)
 from phcontrol.mechanics import kernels
-
-TRACING: set[int] = set()
-"""The thread that traces: others that run laws meanwhile get plain arrays, as ever."""
 
 
 def _array(values: Any, dtype: Any = None, **options: Any) -> Any:
     """Return an array, of objects where it holds a symbol."""
-    made = np.array(values, **options) if dtype is None or is_symbolic(values) else np.array(values, dtype, **options)
+    if dtype is not None and not is_symbolic(values):
+        return np.array(values, dtype, **options)
+    if not is_real(dtype):
+        refuse("numbers that depend on the arm's state are made other ones than floats here")
+    made = np.array(values, **options)
     return made.view(SymbolArray) if made.dtype == object else made
 
 
 def _room(make: Callable[..., Any]) -> Callable[..., Any]:
     """Return a maker of arrays that symbols can be written into."""
 
-    def made(*arguments: Any, dtype: Any = None, **options: Any) -> Any:
-        if threading.get_ident() not in TRACING or dtype not in (None, float, np.float64, FLOAT):
-            return make(*arguments, dtype=dtype, **options)
-        return symbols(make(*arguments, **options))
+    def made(*arguments: Any, **options: Any) -> Any:
+        found = make(*arguments, **options)
+        return symbols(found) if threading.get_ident() in TRACING and found.dtype == np.float64 else found
 
     return made
 
@@ -45,6 +54,8 @@ def _elementwise(name: str) -> Callable[..., Any]:
     def function(first: Any, second: Any, *rest: Any, **options: Any) -> Any:
         if not (is_symbolic(first) or is_symbolic(second)):
             return plain(first, second, *rest, **options)
+        if rest or options:
+            refuse(f"{name} with options is not traced")
         result = pairs(first, second)
         return result.view(SymbolArray) if isinstance(result, np.ndarray) else result
 
@@ -61,12 +72,14 @@ def _pair(name: str, first: Any, second: Any) -> Any:
         return float(getattr(np, name)(first, second))
     if name == "hypot":
         return second.hypot(first)
-    raise NotTraceableError(f"{name} of a plain number and what depends on the state is not traced")
+    refuse(f"{name} of a plain number and what depends on the state is not traced")
 
 
 def _clip(values: Any, low: Any, high: Any, *rest: Any, **options: Any) -> Any:
     if not is_symbolic(values):
         return np.clip(values, low, high, *rest, **options)
+    if rest or options:
+        refuse("clip with options is not traced")
     return _NUMPY["minimum"](_NUMPY["maximum"](values, low), high)
 
 
@@ -74,7 +87,7 @@ def _norm(value: Any, *rest: Any, **options: Any) -> Any:
     if not is_symbolic(value):
         return np.linalg.norm(value, *rest, **options)
     if rest or options or np.ndim(value) != 1:
-        raise NotTraceableError("of norms only that of a vector is traced")
+        refuse("of norms only that of a vector is traced")
     return value.dot(value) ** 0.5
 
 
@@ -97,11 +110,50 @@ def _refusing(module: Any, name: str) -> Callable[..., Any]:
     plain = getattr(module, name)
 
     def function(*arguments: Any, **options: Any) -> Any:
-        if any(map(is_symbolic, arguments)):
-            raise NotTraceableError(f"{name} has no closed form that is traced")
+        if any(map(is_symbolic, (*arguments, *options.values()))):
+            refuse(f"{name} has no closed form that is traced")
         return plain(*arguments, **options)
 
     return function
+
+
+class _Function:
+    """A function that takes symbols; for other threads, and beside being called, it is the plain one."""
+
+    def __init__(self, plain: Any, traced: Callable[..., Any]) -> None:
+        self._plain, self._traced = plain, traced
+        functools.update_wrapper(self, plain)
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        if threading.get_ident() in TRACING or any(map(_is_traced, (*arguments, *options.values()))):
+            return self._traced(*arguments, **options)
+        return self._plain(*arguments, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plain, name)
+
+
+def _is_traced(value: Any) -> bool:
+    return type(value) in (Symbol, SymbolArray)
+
+
+def _questions(name: str) -> Callable[..., Any]:
+    """Return what is asked of numbers, each by itself: whether they are finite."""
+    plain, each = getattr(np, name), np.frompyfunc(lambda value: _asked(name, value), 1, 1)
+
+    def function(values: Any, *rest: Any, **options: Any) -> Any:
+        if not is_symbolic(values):
+            return plain(values, *rest, **options)
+        if rest or options:
+            refuse(f"{name} with options is not traced")
+        answers = each(values)
+        return np.array(answers, bool) if isinstance(answers, np.ndarray) else answers
+
+    return function
+
+
+def _asked(name: str, value: Any) -> bool:
+    return bool(getattr(value, name)() if type(value) is Symbol else getattr(math, name)(value))
 
 
 class _StandIn:
@@ -120,7 +172,18 @@ _MATRIX_FUNCTIONS = (
     "matrix_rank", "cholesky", "matrix_power",
 )  # fmt: skip
 
-_NUMPY: dict[str, Any] = {
+_PLAIN_ONLY = (
+    *(name for name, found in vars(np).items()
+      if isinstance(found, np.ufunc) and not any("O" in kind.partition("->")[0] for kind in found.types)),
+    "nan_to_num", "real_if_close", "round", "around", "interp", "digitize", "searchsorted", "histogram", "unwrap",
+    "nanmax", "nanmin", "nansum", "nanmean", "fmax", "fmin", "fix", "trunc", "heaviside", "select", "piecewise",
+    "array_str", "array_repr", "array2string",
+)  # fmt: skip
+
+_NUMPY: dict[str, Any] = {name: _refusing(np, name) for name in _PLAIN_ONLY} | {
+    "isfinite": _questions("isfinite"),
+    "isnan": _questions("isnan"),
+    "isinf": _questions("isinf"),
     "array": _array,
     "zeros": _room(np.zeros),
     "zeros_like": _room(np.zeros_like),
@@ -156,19 +219,12 @@ def _function(name: str) -> Callable[..., Any]:
     return function
 
 
-def _of_finite(name: str, answer: bool) -> Callable[[Any], bool]:
-    """Return what is asked of a number: a symbol stands for finite ones, as the border lets no others in."""
-    plain = getattr(math, name)
-    return lambda value: answer if type(value) is Symbol else plain(value)
-
-
 _MATH: dict[str, Any] = {
     name: _function(name)
     for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "asin", "acos", "atan", "atan2", "fmod", "hypot", "tanh",
                  "floor")
 }  # fmt: skip
-_MATH |= {"isfinite": _of_finite("isfinite", True), "isnan": _of_finite("isnan", False)}
-_MATH |= {"isinf": _of_finite("isinf", False)}
+_MATH |= {name: _function(name) for name in ("isfinite", "isnan", "isinf")}
 
 
 class _FloatLike(type):
@@ -184,7 +240,7 @@ class _FloatLike(type):
 
 
 class _Float(metaclass=_FloatLike):
-    pass
+    dtype = np.dtype(np.float64)  # what NumPy takes it for
 
 
 def _kernels() -> dict[str, Any]:
@@ -207,6 +263,10 @@ _LAPACK = {
     "dpotrs": linear_algebra.dpotrs,
     "dsyev": _refusing(lapack, "dsyev"),
 }
+
+for _module, _replaced in ((np, _NUMPY), (math, _MATH), (kernels, _KERNELS), (lapack, _LAPACK)):
+    for _name in [name for name in _replaced if name != "linalg"]:
+        _replaced[_name] = _Function(getattr(_module, _name), _replaced[_name])
 
 STAND_INS: list[tuple[Any, Any]] = [
     (np, _StandIn(np, _NUMPY)),

@@ -64,6 +64,7 @@ def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any]
     made = casadi.Function("f", inputs, [casadi.cse(wanted)])
     suffix, one = ("f" if single else ""), literal(1.0, single)
     lines: list[str] = []
+    looked: set[str] = set()  # conditions, each once
     names: dict[int, str] = {}
     count = operations = 0
     for k in range(made.n_instructions()):
@@ -71,7 +72,10 @@ def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any]
         if code == casadi.OP_OUTPUT:
             place, value = made.instruction_output(k)[1], names[made.instruction_input(k)[0]]
             if place < len(guards):
-                lines.append(f"if (!({value} != 0)) return 0;")
+                line = f"if (!({value} != 0)) return 0;"
+                if line not in looked:
+                    lines.append(line)
+                looked.add(line)
             else:
                 lines.append(f"out[{place - len(guards)}] = {value};")
             continue

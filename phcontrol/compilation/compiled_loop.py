@@ -228,4 +228,4 @@ def _of_plant(plant: MechanicalSystem, law: Controller, name: str, make: Callabl
     except Exception as error:
         raise refusal(f"the plant {plant.robot.name}", error) from error
     outputs = [entry.expression if type(entry) is Symbol else casadi.SX(float(entry)) for entry in found]
-    return function(name, inputs, guards.expressions, outputs)
+    return function(name, inputs, guards.conditions, outputs)

@@ -61,13 +61,29 @@ def export_law(controller: Controller, folder: str | Path, *, single: bool = Fal
     """
     check_loop(controller, getattr(controller, "system", None))
     law: Controller = getattr(controller, "interpreted", controller)
+    if law.jumps:
+        raise CompilationError(f"{law.name} cannot be exported: its state jumps, which no step in C does")
+    beginning = _beginning(law)
     traced = trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)])
     cases = _recorded(law, traced)
     functions = [variant(f"way_{k}", traced, trace, single) for k, trace in enumerate(traced.traces)]
     operations = max(found.operations for found in functions)
-    texts = _texts(law, traced, functions, cases, operations, single)
+    texts = _texts(law, traced, functions, cases, operations, single, beginning)
     files = tuple(write_text(Path(folder) / name, text) for name, text in texts.items())
     return Exported(files, operations, len(functions), max(case.difference for case in cases))
+
+
+def _beginning(law: Controller) -> Array:
+    """Return the state that a law begins with. Raises CompilationError when that depends on the arm's."""
+    system, generator = law.system, np.random.default_rng(0)
+    first = law.initial_state(system.at(system.robot.home))
+    for _ in range(3):
+        x = system.at(system.robot.random_position(generator), generator.normal(size=system.n))
+        if not np.array_equal(law.initial_state(x), first):
+            raise CompilationError(
+                f"{law.name} cannot be exported: its initial state depends on the arm's, which law_init does not know"
+            )
+    return first
 
 
 class _Case(NamedTuple):
@@ -141,7 +157,13 @@ def _harmless(text: str) -> str:
 
 
 def _texts(
-    law: Controller, traced: TracedLaw, functions: list[Function], cases: list[_Case], operations: int, single: bool
+    law: Controller,
+    traced: TracedLaw,
+    functions: list[Function],
+    cases: list[_Case],
+    operations: int,
+    single: bool,
+    beginning: Array,
 ) -> dict[str, str]:
     """Return the files by name."""
     layout, real = traced.layout, "float" if single else "double"
@@ -169,7 +191,6 @@ def _texts(
         "measured": measured, "measured_names": names, "operations": operations,
         "state_room": max(1, states), "measured_room": max(1, measured), "ways": len(functions),
     }  # fmt: skip
-    beginning = law.initial_state(law.system.at(law.system.robot.home))
     calls = " || ".join(f"way_{k}(t, q, v, state, measured, p, out)" for k in range(len(functions)))
     source = export_texts.SOURCE.format(
         **common,

@@ -21,8 +21,9 @@ typedef {real} law_real;
 
 typedef enum {{
   LAW_OK = 0,
-  LAW_STOPPED = 1,    /* a branch that is not compiled, or no finite torque: gravity compensated, motion damped */
-  LAW_BAD_INPUT = 2   /* an input is not finite: no torque (0) */
+  LAW_STOPPED = 1,    /* a branch that is not compiled, or no finite torque: gravity compensated, motion damped;
+                         0 where that is not finite either */
+  LAW_BAD_INPUT = 2   /* an input, or the law's state, is not finite: no torque (0) */
 }} law_status;
 
 typedef struct {{
@@ -39,7 +40,8 @@ void law_init(law_state *self);
 law_status law_step(law_state *self, const law_real *q, const law_real *v, const law_real *measured, law_real dt,
                     law_real *torque);
 
-/* The law alone, without a memory: 1, or 0 where a branch is not compiled. `rate` has LAW_STATES numbers, may be NULL
+/* The law alone, without a memory: 1, or 0 where a branch is not compiled or the answer is not finite. Inputs must be
+   finite: law_step looks. `rate` has LAW_STATES numbers, may be NULL
    for 0. */
 int law_evaluate(law_real t, const law_real *q, const law_real *v, const law_real *state, const law_real *measured,
                  law_real *torque, law_real *rate);
@@ -80,7 +82,7 @@ int law_evaluate(law_real t, const law_real *q, const law_real *v, const law_rea
                  law_real *torque, law_real *rate) {{
   real out[{outputs}];
   const real *p = numbers;
-  if (!({calls})) return 0;
+  if (!({calls}) || !all_finite(out, {outputs})) return 0;
   for (int i = 0; i < LAW_JOINTS; i++) torque[i] = out[i];
   for (int i = LAW_JOINTS; i < {outputs}; i++) rate[i - LAW_JOINTS] = out[i];
   return 1;
@@ -93,15 +95,17 @@ void law_gravity(const law_real *q, law_real *torque) {{
 law_status law_step(law_state *self, const law_real *q, const law_real *v, const law_real *measured, law_real dt,
                     law_real *torque) {{
   real rate[{state_room}] = {{0}};
-  if (!all_finite(q, LAW_JOINTS) || !all_finite(v, LAW_JOINTS) || !all_finite(&dt, 1)) {{
+  if (!all_finite(q, LAW_JOINTS) || !all_finite(v, LAW_JOINTS) || !all_finite(&dt, 1) || !isfinite(self->time) ||
+      !all_finite(measured, LAW_MEASURED) || !all_finite(self->state, LAW_STATES)) {{
     for (int i = 0; i < LAW_JOINTS; i++) torque[i] = 0;
     return LAW_BAD_INPUT;
   }}
   const double now = self->time;
   self->time = now + (double)dt;
-  if (!law_evaluate((real)now, q, v, self->state, measured, torque, rate) || !all_finite(torque, LAW_JOINTS) ||
-      !all_finite(rate, LAW_STATES)) {{
+  if (!law_evaluate((real)now, q, v, self->state, measured, torque, rate)) {{
     (void)stop(0, q, v, NULL, NULL, numbers, torque);
+    if (!all_finite(torque, LAW_JOINTS))
+      for (int i = 0; i < LAW_JOINTS; i++) torque[i] = 0;
     return LAW_STOPPED;
   }}
   for (int i = 0; i < {state_room}; i++) self->state[i] += dt * rate[i];
@@ -221,9 +225,9 @@ cmake -B build && cmake --build build && ctest --test-dir build
 
 - `LAW_OK`: `torque` is the law's, the law's state has moved on by `dt` (explicit Euler, as phcontrol's own loop).
 - `LAW_STOPPED`: the state asks for a branch that was not compiled, or the torque would not be finite. There is no
-  interpreter to fall back on: `torque` compensates gravity and damps motion, the law's state is held. Stop, and
-  ask why.
-- `LAW_BAD_INPUT`: an input is not finite; the torque is 0.
+  interpreter to fall back on: `torque` compensates gravity and damps motion (0 where that is not finite), the law's
+  state is held. Stop, and ask why.
+- `LAW_BAD_INPUT`: an input, also one that is measured, or the law's state is not finite; the torque is 0.
 
 Limits of torque and its rate are the loop's to keep: they are not in here.
 

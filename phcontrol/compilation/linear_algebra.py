@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
-from phcontrol.compilation.errors import NotTraceableError
-from phcontrol.compilation.symbol import SymbolArray, is_symbolic, sample_of, symbols
+from phcontrol.compilation.symbol import SymbolArray, is_symbolic, refuse, sample_of, symbols
 
 _SHARE = 0.1  # of the largest entry of a column, below which a pivot is not trusted
 
@@ -98,7 +97,7 @@ class Elimination(NamedTuple):
 def eliminate(matrix: Any) -> Elimination:
     """Return triangular factors of a square matrix.
 
-    A symmetric positive definite one (at the sample) needs no order of rows. Of others the pivots are those of the
+    A symmetric positive definite one needs no order of rows; its pivots are guarded to stay positive. Of others the pivots are those of the
     sample, each guarded to stay above a tenth of its column.
     """
     work, n = symbols(matrix), len(matrix)
@@ -110,7 +109,9 @@ def eliminate(matrix: Any) -> Elimination:
             pivot = max(range(j, n), key=lambda row: abs(sample_of(work[row, j])))
             work[[j, pivot]], order[j], order[pivot] = work[[pivot, j]], order[pivot], order[j]
             if any(abs(work[i, j]) * _SHARE > abs(work[j, j]) for i in range(j + 1, n)) or work[j, j] == 0.0:
-                raise NotTraceableError("a linear system is singular at the sample")
+                refuse("a linear system is singular at the sample")
+        elif not work[j, j] > 0.0:
+            refuse("a linear system is singular at the sample")
         for i in range(j + 1, n):
             if type(work[i, j]) is float and work[i, j] == 0.0:
                 continue

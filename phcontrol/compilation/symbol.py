@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
+import threading
 from collections.abc import Callable
 from functools import reduce
-from typing import Any
+from typing import Any, NoReturn
 
 import casadi
 import numpy as np
@@ -13,6 +15,34 @@ import numpy as np
 from phcontrol.compilation.errors import NotTraceableError
 
 _LARGEST = float(np.finfo(np.float64).max)
+_LEAST = 1e-150  # what may be divided by: squares of smaller numbers lose digits
+_EXPONENT = 700.0  # e to more is no number
+
+TRACING: set[int] = set()
+"""The thread that traces: others that run laws meanwhile get plain arrays, as ever."""
+INNER = ("phcontrol.compilation", "numpy", "scipy", "casadi")
+"""Modules that are no law's: a line of the law is one outside of them."""
+REFUSALS: list[NotTraceableError] = []
+"""What was refused in this trace: a law that catches the error is refused all the same."""
+
+
+def refuse(text: str) -> NoReturn:
+    """Raise NotTraceableError, and remember it."""
+    frame = sys._getframe(1)
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith(INNER):
+        frame = frame.f_back
+    file = frame.f_code.co_filename.rpartition("/")[2]
+    error = NotTraceableError(f"{text} ({file}:{frame.f_lineno}, in {frame.f_code.co_name})")
+    REFUSALS.append(error)
+    raise error
+
+
+def plain_terms() -> None:
+    """Let CasADi write down what a law computes as it stands: x/x is not 1 at x = 0, log eˣ not x where eˣ is none."""
+    casadi.GlobalOptions.setSimplificationOnTheFly(False)
+
+
+plain_terms()
 
 
 class Guards:
@@ -20,8 +50,16 @@ class Guards:
 
     def __init__(self) -> None:
         self._found: dict[tuple[int, bool], Any] = {}
+        self._bounded: dict[tuple[int, str], Any] = {}
         self.expressions: list[Any] = []
+        """Of branches: all 1 where they go the trace's way."""
+        self.bounds: list[Any] = []
+        """Of quotients, roots and the like: all 1 where they are finite numbers."""
+
+    @property
+    def conditions(self) -> list[Any]:
         """Expressions that are all 1 where the trace is right."""
+        return [*self.expressions, *self.bounds]
 
     def take(self, condition: Any, sample: bool) -> bool:
         """Take the sample's branch of an ``if``, and note its condition."""
@@ -32,6 +70,32 @@ class Guards:
             self._found[key] = condition  # kept alive: its hash is its address
             self.expressions.append(condition if sample else casadi.logic_not(condition))
         return sample
+
+    def require(self, expression: Any, kind: str) -> None:
+        """Note that an expression must be "finite", "divisor", "positive", "not negative", "sine" or "exponent".
+
+        Elsewhere floats raise an error, or become inf or NaN, which maxima, comparisons and quotients would swallow:
+        there the interpreted law answers.
+        """
+        expression = casadi.SX(expression)
+        if expression.is_symbolic() and kind == "finite":
+            return  # the border lets no others in
+        key = expression.element_hash(), kind
+        if key in self._bounded:
+            return
+        self._bounded[key] = expression  # kept alive, as above
+        size = casadi.fabs(expression)
+        conditions = {
+            "finite": lambda: [size <= _LARGEST],
+            "divisor": lambda: [size > _LEAST, size <= _LARGEST],
+            "positive": lambda: [expression > 0.0],
+            "not negative": lambda: [expression >= 0.0],
+            "sine": lambda: [size <= 1.0],
+            "exponent": lambda: [size <= _EXPONENT],
+        }[kind]()
+        for condition in conditions:
+            if not (condition.is_constant() and bool(float(condition))):
+                self.bounds.append(condition)
 
 
 class Symbol:
@@ -53,9 +117,23 @@ class Symbol:
         self.expression, self.sample, self.guards = expression, sample, guards
 
     def __repr__(self) -> str:
+        if threading.get_ident() in TRACING:
+            refuse("a number that depends on the arm's state is made a text here")
         return f"<Symbol, {self.sample:.6g} at the sample>"
 
-    __hash__ = object.__hash__
+    def __str__(self) -> str:
+        return repr(self)
+
+    def __format__(self, form: str) -> str:
+        return repr(self)
+
+    def __hash__(self) -> int:
+        refuse("a number that depends on the arm's state is looked up here, in a dict or a set")
+
+    def __getattr__(self, name: str) -> Any:
+        if not name.startswith("_"):  # NumPy asks objects for its functions by name
+            refuse(f"{name} of a number that depends on the arm's state is not traced")
+        raise AttributeError(name)
 
     # --- what is made of it -----------------------------------------------------------------------
 
@@ -64,11 +142,15 @@ class Symbol:
             return float(expression)
         return Symbol(expression, sample, self.guards)
 
-    def _unary(self, name: str, value: Callable[[float], float]) -> Any:
+    def _unary(self, name: str, value: Callable[[float], float], argument: str = "") -> Any:
+        if argument:
+            self.guards.require(self.expression, argument)
         return self._made(getattr(casadi, name)(self.expression), _value(value, self.sample))
 
     def _binary(self, name: str, other: Any, value: Callable[[float, float], float]) -> Any:
         right, sample = _parts(other)
+        if right is None:
+            refuse(f"{name} of a number and of {type(other).__name__} is not traced")
         return self._made(getattr(casadi, name)(self.expression, right), _value(value, self.sample, sample))
 
     def __add__(self, other: Any) -> Any:
@@ -112,22 +194,34 @@ class Symbol:
         right, sample = _parts(other)
         if right is None:
             return NotImplemented
+        self.guards.require(right, "divisor")
         return self._made(self.expression / right, _value(_divided, self.sample, sample))
 
     def __rtruediv__(self, other: Any) -> Any:
         left, sample = _parts(other)
         if left is None:
             return NotImplemented
+        self.guards.require(self.expression, "divisor")
         if type(left) is float and left == 0.0:
             return 0.0
         return self._made(left / self.expression, _value(_divided, sample, self.sample))
 
     def __pow__(self, other: Any) -> Any:
-        if isinstance(other, (int, np.integer)) or (isinstance(other, float) and other.is_integer()):
-            return self._power(int(other))
-        if type(other) is not Symbol and other == 0.5:
+        right, _ = _parts(other)
+        if right is None:
+            return NotImplemented
+        if type(right) is float and right.is_integer():
+            return self._finite(self._power(int(right)))
+        if type(right) is float and right == 0.5:
             return self.sqrt()
-        return self._binary("power", other, math.pow)
+        self.guards.require(self.expression, "positive")
+        return self._finite(self._binary("power", other, math.pow))
+
+    def _finite(self, result: Any) -> Any:
+        """Return a result that must be finite: of floats a larger one is an error."""
+        if type(result) is Symbol:
+            self.guards.require(result.expression, "finite")
+        return result
 
     def _power(self, exponent: int) -> Any:
         if exponent < 0:
@@ -138,10 +232,23 @@ class Symbol:
         return result
 
     def __rpow__(self, other: Any) -> Any:
-        return (self * math.log(other)).exp()
+        left, _ = _parts(other)
+        if left is None:
+            return NotImplemented
+        if not left > 0.0:
+            refuse("a power of a number that is not positive is not traced")
+        return (self * math.log(left)).exp()
 
     def __mod__(self, other: Any) -> Any:
-        return self - other * (self / other).floor()
+        """Return Python's remainder: fmod, moved by the divisor where their signs differ."""
+        right, sample = _parts(other)
+        if right is None:
+            return NotImplemented
+        self.guards.require(right, "divisor")
+        self.guards.require(self.expression, "finite")
+        rest, by = casadi.fmod(self.expression, right), casadi.SX(right)
+        other_side = casadi.logic_and(rest != 0.0, (rest < 0.0) != (by < 0.0))
+        return self._made(rest + other_side * by, _value(lambda a, b: a % b, self.sample, sample))
 
     def __neg__(self) -> Any:
         return self._made(-self.expression, -self.sample)
@@ -179,19 +286,42 @@ class Symbol:
         right, sample = _parts(other)
         if right is None:
             return NotImplemented
-        if type(right) is float and math.isinf(right):  # the largest number bounds all finite ones; NaN fails both
-            right = math.copysign(_LARGEST, right)
         return self.guards.take(compare(self.expression, right), bool(compare(self.sample, sample)))
 
     # --- what cannot be -----------------------------------------------------------------------------
 
     def __float__(self) -> float:
-        raise NotTraceableError("a number that depends on the arm's state is made a plain float here")
+        refuse("a number that depends on the arm's state is made a plain float here")
 
     def __index__(self) -> int:
-        raise NotTraceableError("a number that depends on the arm's state is made an integer here")
+        refuse("a number that depends on the arm's state is made an integer here")
 
-    __int__ = __index__
+    __int__ = __trunc__ = __floor__ = __ceil__ = __index__
+
+    def __round__(self, digits: int | None = None) -> int:
+        refuse("a number that depends on the arm's state is rounded here")
+
+    def __complex__(self) -> complex:
+        refuse("a number that depends on the arm's state is made complex here")
+
+    def _divided_whole(self, other: Any) -> NoReturn:
+        refuse("whole quotients and remainders of numbers are not traced")
+
+    __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = __rmod__ = _divided_whole
+
+    # --- what is asked of floats ----------------------------------------------------------------------
+
+    def isfinite(self) -> bool:
+        """Return whether x is finite at the sample; guarded."""
+        return self.guards.take(casadi.fabs(self.expression) <= _LARGEST, math.isfinite(self.sample))
+
+    def isnan(self) -> bool:
+        """Return whether x is NaN at the sample; guarded."""
+        return self.guards.take(self.expression != self.expression, math.isnan(self.sample))
+
+    def isinf(self) -> bool:
+        """Return whether x is infinite at the sample; guarded."""
+        return self.guards.take(casadi.fabs(self.expression) > _LARGEST, math.isinf(self.sample))
 
     # --- functions, by the names that NumPy asks objects for ------------------------------------------
 
@@ -201,58 +331,68 @@ class Symbol:
 
     def sqrt(self) -> Any:
         """Return √x."""
-        return self._unary("sqrt", math.sqrt)
+        return self._unary("sqrt", math.sqrt, "not negative")
 
     def exp(self) -> Any:
         """Return eˣ."""
-        return self._unary("exp", math.exp)
+        return self._unary("exp", math.exp, "exponent")
 
     def log(self) -> Any:
         """Return ln x."""
-        return self._unary("log", math.log)
+        return self._unary("log", math.log, "positive")
 
     def sin(self) -> Any:
         """Return sin x."""
-        return self._unary("sin", math.sin)
+        return self._unary("sin", math.sin, "finite")
 
     def cos(self) -> Any:
         """Return cos x."""
-        return self._unary("cos", math.cos)
+        return self._unary("cos", math.cos, "finite")
 
     def tan(self) -> Any:
         """Return tan x."""
-        return self._unary("tan", math.tan)
+        return self._unary("tan", math.tan, "finite")
 
     def arcsin(self) -> Any:
         """Return arcsin x."""
-        return self._unary("asin", math.asin)
+        return self._unary("asin", math.asin, "sine")
 
     def arccos(self) -> Any:
         """Return arccos x."""
-        return self._unary("acos", math.acos)
+        return self._unary("acos", math.acos, "sine")
 
     def arctan(self) -> Any:
         """Return arctan x."""
-        return self._unary("atan", math.atan)
+        return self._unary("atan", math.atan, "finite")
 
     def tanh(self) -> Any:
         """Return tanh x."""
-        return self._unary("tanh", math.tanh)
+        return self._unary("tanh", math.tanh, "finite")
 
     def floor(self) -> Any:
         """Return the largest whole number that is not above x."""
-        return self._unary("floor", math.floor)
+        return self._unary("floor", math.floor, "finite")
 
     def sign(self) -> Any:
         """Return −1, 0 or 1."""
-        return self._unary("sign", lambda x: float(np.sign(x)))
+        return self._unary("sign", lambda x: float(np.sign(x)), "finite")
 
     def fmod(self, other: Any) -> Any:
         """Return x − y·trunc(x/y)."""
+        right, _ = _parts(other)
+        if right is not None:
+            self.guards.require(right, "divisor")
+        self.guards.require(self.expression, "finite")
         return self._binary("fmod", other, math.fmod)
 
     def arctan2(self, other: Any) -> Any:
-        """Return the angle of (other, x)."""
+        """Return the angle of (other, x); where that is ±π by the sign of a zero, it is not for C to say."""
+        right, _ = _parts(other)
+        if right is not None:
+            self.guards.require(self.expression, "finite")
+            self.guards.require(right, "finite")
+            beside = casadi.logic_or(self.expression != 0.0, casadi.SX(right) > 0.0)
+            self.guards.require(-casadi.logic_not(beside), "not negative")
         return self._binary("atan2", other, math.atan2)
 
     def hypot(self, other: Any) -> Any:
@@ -261,11 +401,21 @@ class Symbol:
 
     def maximum(self, other: Any) -> Any:
         """Return the larger of both."""
-        return self._binary("fmax", other, max)
+        return self._of_two_numbers("fmax", other, max)
 
     def minimum(self, other: Any) -> Any:
         """Return the smaller of both."""
-        return self._binary("fmin", other, min)
+        return self._of_two_numbers("fmin", other, min)
+
+    def _of_two_numbers(self, name: str, other: Any, value: Callable[[float, float], float]) -> Any:
+        """Return C's maximum or minimum, which swallow NaN: both must be numbers."""
+        right, _ = _parts(other)
+        self.guards.require(self.expression, "finite")
+        if type(right) is float and math.isnan(right):
+            return right
+        if type(other) is Symbol:
+            self.guards.require(right, "finite")
+        return self._binary(name, other, value)
 
 
 def _parts(other: Any) -> tuple[Any, float]:
@@ -303,17 +453,23 @@ def sample_of(value: Any) -> float:
 class SymbolArray(np.ndarray):
     """An array of symbols whose largest entry is a function of all, and not a branch."""
 
-    def max(self, axis: Any = None, initial: Any = None, **_: Any) -> Any:  # type: ignore[override]
+    def max(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
         """Return the largest entry of all."""
-        return self._reduced("maximum", axis, initial)
+        return self._reduced("maximum", axis, out, initial, options)
 
-    def min(self, axis: Any = None, initial: Any = None, **_: Any) -> Any:  # type: ignore[override]
+    def min(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
         """Return the smallest entry of all."""
-        return self._reduced("minimum", axis, initial)
+        return self._reduced("minimum", axis, out, initial, options)
 
-    def _reduced(self, name: str, axis: Any, initial: Any) -> Any:
-        if axis is not None:
-            raise NotTraceableError(f"the {name} along one axis is not traced")
+    def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:  # type: ignore[override]
+        """Return a copy: symbols are floats."""
+        if not is_real(dtype):
+            refuse("numbers that depend on the arm's state are made other ones than floats here")
+        return self.copy()
+
+    def _reduced(self, name: str, axis: Any, out: Any, initial: Any, options: dict[str, Any]) -> Any:
+        if axis is not None or out is not None or options:
+            refuse(f"the {name} of some entries, or along one axis, is not traced")
         entries = self.ravel().tolist() + ([] if initial is None else [initial])
         return reduce(lambda a, b: larger(name, a, b), entries)
 
@@ -325,6 +481,14 @@ def larger(name: str, first: Any, second: Any) -> Any:
     if type(second) is Symbol:
         return getattr(second, name)(first)
     return max(first, second) if name == "maximum" else min(first, second)
+
+
+def is_real(dtype: Any) -> bool:
+    """Whether a type of numbers is one that symbols stand for: none named, double precision, or objects."""
+    try:
+        return dtype is None or np.dtype(dtype) in (np.dtype(np.float64), np.dtype(object))
+    except TypeError:
+        return False
 
 
 def symbols(values: Any) -> SymbolArray:

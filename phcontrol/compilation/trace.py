@@ -99,8 +99,12 @@ def trace_law(law: Controller, instants: list[Instant], *, inertias: bool = Fals
         except NotTraceableError as error:
             failure = error
             continue
+        cover = casadi.Function("guards", inputs, [casadi.vertcat(casadi.SX(1), *trace.guards)])
+        if not _covers(cover, values):  # a quotient or a root that is no number there
+            failure = NotTraceableError(f"{law.name} cannot be compiled: it computes what is not finite on its way")
+            continue
         traces.append(trace)
-        covers.append(casadi.Function("guards", inputs, [casadi.vertcat(casadi.SX(1), *trace.guards)]))
+        covers.append(cover)
     if not traces:
         raise failure or CompilationError(f"{law.name} could not be evaluated at any state, and so not be traced")
     return TracedLaw(layout, inputs, traces, numbers)
@@ -158,7 +162,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
             )
     if len(torque) != layout.joints or len(rate) != layout.state:
         raise NotTraceableError(f"{law.name} cannot be compiled: its command has lengths {len(torque)}, {len(rate)}")
-    return Trace(guards.expressions, _expressions(torque), _expressions(rate))
+    return Trace(guards.conditions, _expressions(torque), _expressions(rate))
 
 
 def _expressions(values: Any) -> list[Any]:

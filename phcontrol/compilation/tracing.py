@@ -11,8 +11,9 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS, TRACING
+from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
+from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
 
 _PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
 _OWN = "phcontrol."
@@ -47,7 +48,11 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                 before.append((space, "float", space.get("float", _MISSING)))
                 space["float"] = FLOAT
             TRACING.add(threading.get_ident())
+            REFUSALS.clear()
+            plain_terms()
             yield
+            if REFUSALS:  # and the law caught it
+                raise REFUSALS[0]
         finally:
             TRACING.discard(threading.get_ident())
             for space, name, value in reversed(before):
@@ -59,12 +64,14 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
 
 def refusal(law: str, error: BaseException) -> NotTraceableError:
     """Return the error that says why a law cannot be traced, and at which line."""
+    if error in REFUSALS:  # it names the line
+        return NotTraceableError(f"{law} cannot be compiled: {error}")
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     lines = [line for _, line in traceback.walk_tb(error.__traceback__)]
     place = ""
     for frame, line in reversed(list(zip(frames, lines, strict=True))):
         module = frame.f_globals.get("__name__", "")
-        if not module.startswith((f"{_OWN}compilation", "numpy", "scipy", "casadi")):
+        if not module.startswith(INNER):
             file = frame.f_code.co_filename.rpartition("/")[2]
             place = f" ({file}:{line}, in {frame.f_code.co_name})"
             break

@@ -40,6 +40,8 @@ def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) 
     from phcontrol.compilation.compiled_loop import METHODS
 
     present = [name for name, value in others.items() if value is not None]
+    if loop.controller.jumps:
+        present.append("a law whose state jumps")
     if loop.bodies:
         present.append("bodies")
     if loop.has_varying_disturbance:

@@ -148,3 +148,14 @@ def test_a_sweep_of_gains_needs_one_trace(shoulder, monkeypatch):
     for stiffness in (10.0, 40.0):
         both(shoulder, law.changed(stiffness=stiffness), duration=0.1)
     both(shoulder, law, duration=0.1)
+
+
+class Jumping(EnergyShaping):
+    name = "jumping"
+    jumps = True
+
+
+def test_a_law_whose_state_jumps_is_simulated_interpreted(shoulder):
+    law = Jumping.tuned(shoulder, goal=[0.4, 0.6])
+    with pytest.warns(CompilationWarning, match="interpreted: a law whose state jumps: not compiled yet"):
+        simulate(shoulder, law, duration=0.02, compiled=True)

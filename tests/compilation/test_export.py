@@ -7,12 +7,14 @@ import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from phcontrol import MechanicalSystem, load_robot, make_controller
+from phcontrol import CompilationError, Controller, MechanicalSystem, load_robot, make_controller
 from phcontrol.cli import app
 from phcontrol.compilation.export import export_law
+from phcontrol.controllers.command import Command
 from tests.conftest import make_system
 
 STRICT = ["-Wall", "-Wextra", "-Werror"]
@@ -137,3 +139,66 @@ def test_a_name_does_not_become_code(compiler, tmp_path):
     system = MechanicalSystem(robot)
     export_law(make_controller("energy_shaping", system), tmp_path / "law")
     check(tmp_path / "law", compiler, 1e-12)
+
+
+class Integral(Controller):
+    """A spring and a state that the measured force moves; it begins where ``first`` says."""
+
+    name = "integral"
+    needs = ("external_force",)
+    states = ("own",)
+    first = staticmethod(lambda x: np.zeros(2))
+
+    def storage(self, t, x, state, measured=None):
+        return x.kinetic_energy
+
+    def target(self, t, x, state, measured=None):
+        raise NotImplementedError
+
+    def initial_state(self, x):
+        return self.first(x)
+
+    def evaluate(self, t, x, state, measured=None):
+        spring = x.system.motor_torque(x.potential_gradient) - 3.0 * x.position - 2.0 * x.velocity
+        return Command(spring + np.clip(measured.external_force, -5.0, 5.0) - 0.1 * state, 1.0 * x.position)
+
+
+def test_what_is_not_finite_gives_no_torque(shoulder, compiler, tmp_path):
+    """Measured numbers and the law's own state are looked at too, and so is the torque that stops the arm."""
+    export_law(Integral(shoulder), tmp_path / "law")
+    (tmp_path / "law" / "main.c").write_text(
+        """
+#include "law.h"
+#include <math.h>
+int main(void) {
+  law_state self;
+  law_real q[2] = {0.1, 0.2}, v[2] = {0.1, -0.2}, seen[2] = {1.0, 2.0}, torque[2];
+  law_init(&self);
+  if (law_step(&self, q, v, seen, 0.001, torque) != LAW_OK) return 1;
+  const law_real bad[3] = {NAN, INFINITY, -INFINITY};
+  for (int k = 0; k < 3; k++) {
+    seen[1] = bad[k], torque[0] = torque[1] = 7.0;
+    if (law_step(&self, q, v, seen, 0.001, torque) != LAW_BAD_INPUT || torque[0] != 0.0 || torque[1] != 0.0) return 2;
+    seen[1] = 2.0, self.state[1] = bad[k], torque[0] = torque[1] = 7.0;
+    if (law_step(&self, q, v, seen, 0.001, torque) != LAW_BAD_INPUT || torque[0] != 0.0 || torque[1] != 0.0) return 3;
+    law_init(&self);
+  }
+  v[0] = v[1] = 1.7e308;
+  if (law_step(&self, q, v, seen, 0.001, torque) != LAW_STOPPED) return 4;
+  return isfinite(torque[0]) && isfinite(torque[1]) ? 0 : 5;
+}
+"""
+    )
+    assert run(build(tmp_path / "law", [compiler.path], "-std=c99", *SANITIZED)).returncode == 0
+
+
+def test_jumps_and_a_beginning_that_depends_on_the_posture_are_refused(shoulder, tmp_path):
+    law = Integral(shoulder)
+    law.first = lambda x: 2.0 * x.position
+    with pytest.raises(CompilationError, match="its initial state depends on the arm's"):
+        export_law(law, tmp_path / "law")
+    jumping = Integral(shoulder)
+    jumping.jumps = True
+    with pytest.raises(CompilationError, match="its state jumps"):
+        export_law(jumping, tmp_path / "law")
+    assert not (tmp_path / "law").exists()
