@@ -61,6 +61,8 @@ class CartesianTracking(CartesianLaw):
     ) -> dict[str, Any]:
         """Return gains of the base, and a figure of eight about where the hand is at the goal."""
         path = given.get("path")
+        if path is not None:
+            _path("path", path, system)
         known = dict(given) if path is None else {"frame": path.frame} | dict(given)
         made = super().default_gains(system, goal, given=known, **wish)
         if path is not None:
