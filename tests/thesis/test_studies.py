@@ -26,7 +26,7 @@ NOT_REPRODUCED: dict[str, set[str]] = {
         "settled-grasping",
         "steady-force",
     },
-    "fig-4-4": set(),
+    "fig-4-4": {"contact-classical"},
     "fig-4-5": {
         "impact-lower",
         "impact-regulated",
