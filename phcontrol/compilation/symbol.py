@@ -91,7 +91,7 @@ class Guards:
             "positive": lambda: [expression > 0.0],
             "not negative": lambda: [expression >= 0.0],
             "sine": lambda: [size <= 1.0],
-            "exponent": lambda: [size <= _EXPONENT],
+            "exponent": lambda: [expression <= _EXPONENT, expression >= -_LARGEST],
         }[kind]()
         for condition in conditions:
             if not (condition.is_constant() and bool(float(condition))):
