@@ -175,6 +175,8 @@ class Symbol:
         left, sample = _parts(other)
         if left is None:
             return NotImplemented
+        if type(left) is float and left == 0.0:  # by a zero's sign nothing differs but atan2, which looks
+            return -self
         return self._made(left - self.expression, sample - self.sample)
 
     def __mul__(self, other: Any) -> Any:
@@ -186,6 +188,8 @@ class Symbol:
                 return 0.0
             if right == 1.0:
                 return self
+            if right == -1.0:
+                return -self
         return self._made(self.expression * right, self.sample * sample)
 
     __rmul__ = __mul__
