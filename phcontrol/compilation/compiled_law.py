@@ -251,7 +251,8 @@ def _checked(made: CompiledLaw) -> tuple[float, float]:
     """
     from phcontrol.compilation.instants import instants
 
-    expected, found = [], []
+    expected: list[Command] = []
+    found: list[Command] = []
     own, counted = list(instants(made.interpreted, _TRACED, seed=1)), (0, 0)
     for instant, command in chain(own, instants(made.interpreted, _CHECKED, seed=2)):
         if len(found) == len(own):

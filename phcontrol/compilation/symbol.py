@@ -457,15 +457,15 @@ def sample_of(value: Any) -> float:
 class SymbolArray(np.ndarray):
     """An array of symbols whose largest entry is a function of all, and not a branch."""
 
-    def max(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
+    def max(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:
         """Return the largest entry of all."""
         return self._reduced("maximum", axis, out, initial, options)
 
-    def min(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
+    def min(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:
         """Return the smallest entry of all."""
         return self._reduced("minimum", axis, out, initial, options)
 
-    def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:  # type: ignore[override]
+    def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:
         """Return a copy: symbols are floats."""
         if not is_real(dtype):
             refuse("numbers that depend on the arm's state are made other ones than floats here")

@@ -456,7 +456,7 @@ def test_every_way_is_held_against_the_law_where_it_was_traced(shoulder, monkeyp
     from phcontrol.compilation import trace
 
     right, law = trace._traced, EnergyShaping.tuned(shoulder)
-    first = [instant for instant, _ in instants(law, 48, seed=1)][0]
+    first = next(instant for instant, _ in instants(law, 48, seed=1))
 
     def wrong(law, layout, inputs, values, inertias):
         found = right(law, layout, inputs, values, inertias)
