@@ -70,9 +70,9 @@ def _pair(name: str, first: Any, second: Any) -> Any:
         return getattr(first, name)(second)
     if type(second) is not Symbol:
         return float(getattr(np, name)(first, second))
-    if name == "hypot":
-        return second.hypot(first)
-    refuse(f"{name} of a plain number and what depends on the state is not traced")
+    if name != "hypot":
+        refuse(f"{name} of a plain number and what depends on the state is not traced")
+    return second.hypot(first)
 
 
 def _clip(values: Any, low: Any, high: Any, *rest: Any, **options: Any) -> Any:
@@ -256,7 +256,7 @@ def _either(plain: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable
 
 
 _KERNELS = _kernels()
-_LAPACK = {
+_LAPACK: dict[str, Any] = {
     "dgetrf": linear_algebra.dgetrf,
     "dgetrs": linear_algebra.dgetrs,
     "dtrtri": linear_algebra.dtrtri,
@@ -264,9 +264,17 @@ _LAPACK = {
     "dsyev": _refusing(lapack, "dsyev"),
 }
 
-for _module, _replaced in ((np, _NUMPY), (math, _MATH), (kernels, _KERNELS), (lapack, _LAPACK)):
-    for _name in [name for name in _replaced if name != "linalg"]:
-        _replaced[_name] = _Function(getattr(_module, _name), _replaced[_name])
+
+def _with_plain(module: Any, replaced: dict[str, Any]) -> None:
+    """Let each function that is replaced be the plain one for other threads."""
+    for name in [name for name in replaced if name != "linalg"]:
+        replaced[name] = _Function(getattr(module, name), replaced[name])
+
+
+_with_plain(np, _NUMPY)
+_with_plain(math, _MATH)
+_with_plain(kernels, _KERNELS)
+_with_plain(lapack, _LAPACK)
 
 STAND_INS: list[tuple[Any, Any]] = [
     (np, _StandIn(np, _NUMPY)),

@@ -8,6 +8,8 @@ import stat
 import sys
 import tempfile
 import warnings
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from phcontrol.compilation.compiler import Compiler
@@ -61,14 +63,18 @@ def _wanted(status: os.stat_result) -> int:
     return 0o700 if stat.S_ISDIR(status.st_mode) else 0o600
 
 
-def compiled(source: str, compiler: Compiler, *, native: bool = False) -> Path:
+def compiled(
+    source: str, compiler: Compiler, *, native: bool = False, accept: Callable[[Path], object] = lambda path: None
+) -> Path:
     """Return the shared object of a source: from the cache, or compiled into it.
 
     Its name is the hash of the source, the compiler and its options; beside it stands the hash of the object. Written
-    to a file of another name first, and then renamed.
+    to a file of another name first, and then renamed; ``accept`` is asked about that file before, and raises where it
+    is not to be kept.
 
     Raises:
-        CompilationError: the folder is not the user's own, the disk is full, or the compiler fails.
+        CompilationError: the folder is not the user's own, the disk is full, the compiler fails, or what it made is
+            not accepted.
     """
     folder = open_folder(cache_folder())
     key = hashlib.sha256(f"{compiler.identity(native)}\n{source}".encode()).hexdigest()
@@ -78,13 +84,14 @@ def compiled(source: str, compiler: Compiler, *, native: bool = False) -> Path:
         if not problem:
             return target
         warnings.warn(f"{target} of the cache is refused and made anew: {problem}", CompilationWarning, stacklevel=2)
-        target.unlink(missing_ok=True)
     try:
+        target.unlink(missing_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as made:
             text, library = Path(made) / "law.c", Path(made) / "law.so"
             text.write_text(source, encoding="utf-8")
             compiler.compile(text, library, native)
             library.chmod(0o600)
+            accept(library)
             digest = Path(made) / "digest"
             digest.write_text(_digest(library), encoding="ascii")
             digest.chmod(0o600)
@@ -95,6 +102,13 @@ def compiled(source: str, compiler: Compiler, *, native: bool = False) -> Path:
     return target
 
 
+def discard(target: Path) -> None:
+    """Take an object that cannot be used out of the cache."""
+    for path in (target, _beside(target)):
+        with suppress(OSError):
+            path.unlink()
+
+
 def _fault(target: Path) -> str:
     """Return what is wrong with an object of the cache; "" for nothing."""
     try:
@@ -102,6 +116,8 @@ def _fault(target: Path) -> str:
             problem = problem_of(path)
             if problem:
                 return problem
+            if not stat.S_ISREG(path.lstat().st_mode):  # a pipe would be waited for
+                return "it is no file"
         same = _beside(target).read_text(encoding="ascii", errors="replace") == _digest(target)
     except OSError as error:
         return str(error.strerror or error)

@@ -8,13 +8,14 @@ import sys
 import time
 import warnings
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.compilation.cache import compiled
+from phcontrol.compilation.cache import compiled, discard
 from phcontrol.compilation.caller import Caller
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
@@ -139,6 +140,7 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
     check_loop(controller, getattr(controller, "system", None))
     if isinstance(controller, CompiledLaw):
         return controller
+    _check_names(controller)
     need_casadi()
     compiler = find_compiler()
     if compiler is None:
@@ -149,24 +151,44 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
         )
         return controller
     from phcontrol.compilation.c_code import law_source
+    from phcontrol.compilation.law_inputs import law_numbers, structure_of
 
     say = _Progress(progress)
     start = time.perf_counter()
     say(f"{controller.name}: tracing")
     traced = _trace(controller, inertias)
-    source = law_source(traced)
+    source, structure = law_source(traced), structure_of(controller, inertias)
     traced_at = time.perf_counter()
     say(f"{controller.name}: compiling {len(source.text) / 1000:.0f} kB of C")
-    library = compiled(source.text, compiler, native=native)
-    compiled_at = time.perf_counter()
     options = {"inertias": inertias, "native": native, "progress": progress}
-    made = _made(controller, traced.layout, traced.numbers, library, options)
-    difference, covered = _checked(made)
+
+    def loaded(library: Path) -> tuple[CompiledLaw, float, float]:
+        made = _made(controller, traced.layout, traced.numbers, library, options)
+        return made, *_checked(made)
+
+    library = compiled(source.text, compiler, native=native, accept=loaded)
+    compiled_at = time.perf_counter()
+    try:
+        made, difference, covered = loaded(library)
+    except CompilationError:
+        discard(library)  # of an earlier time
+        raise
+    if structure_of(controller, inertias) != structure or not np.array_equal(
+        law_numbers(controller, inertias), traced.numbers
+    ):
+        raise CompilationError(f"{controller.name} cannot be compiled: it changes while it is evaluated")
     made.report = CompilationReport(
         len(traced.traces), source.operations, difference, covered, traced_at - start, compiled_at - traced_at, library
     )
     say(f"{controller.name}: {source.operations} operations, {time.perf_counter() - start:.1f} s", last=True)
     return made  # type: ignore[return-value]
+
+
+def _check_names(law: Controller) -> None:
+    """Raise CompilationError where a law has a name that compiled laws have a use for."""
+    for name in (*CompiledLaw.__annotations__, "_like"):
+        if hasattr(law, name):
+            raise CompilationError(f"{law.name} cannot be compiled: '{name}' of it must have another name")
 
 
 def need_casadi() -> None:
@@ -222,19 +244,27 @@ def _restored(law: Controller, options: dict[str, Any]) -> Controller:
 def _checked(made: CompiledLaw) -> tuple[float, float]:
     """Return the largest relative difference from the interpreted law, and at which share of states C answered.
 
+    Asked at the instants at which it was traced, so that each way is looked at, and at others, of which the share is.
+
     Each difference is taken relative to the largest entry at its state, but at least to a thousandth of the largest at
     any. Raises CompilationError when it is beyond ``TOLERANCE``.
     """
     from phcontrol.compilation.instants import instants
 
-    expected, found = [], []
-    for instant, command in instants(made.interpreted, _CHECKED, seed=2):
+    expected: list[Command] = []
+    found: list[Command] = []
+    own, counted = list(instants(made.interpreted, _TRACED, seed=1)), (0, 0)
+    for instant, command in chain(own, instants(made.interpreted, _CHECKED, seed=2)):
+        if len(found) == len(own):
+            counted = made.step.counts
         answer = made.step(instant.time, instant.position, instant.velocity, instant.state, instant.measured)
         expected.append(command)
         found.append(answer)
-    steps, fallbacks = made.step.counts
+    steps, fallbacks = (after - before for after, before in zip(made.step.counts, counted, strict=True))
     if not steps:
         raise CompilationError(f"{made.name} could not be checked: it answers at no random state")
+    if made.step.counts[0] == made.step.counts[1]:
+        raise CompilationError(f"{made.name} as compiled answers at no random state")
     worst = 0.0
     for which in range(2):
         sizes = [float(np.abs(command[which]).max(initial=0.0)) for command in expected]

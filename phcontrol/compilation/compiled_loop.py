@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import ctypes
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import casadi
@@ -29,7 +30,8 @@ METHODS = ("semi_implicit_euler", "rk4")
 DONE, NOT_COMPILED, NOT_FINITE = 0, 1, 2
 """What a run in C says: whether it came to its end, where a branch is not compiled, where it diverged."""
 
-_TRACED = 48
+TRACED = 48
+"""At how many instants a law is traced."""
 _VECTOR = ctypes.POINTER(ctypes.c_double)
 
 _LOOP = """
@@ -41,6 +43,8 @@ _LOOP = """
 static int act(double t, const double *y, const double *f, const double *p, const double *limit, double *u,
                double *rate) {{
   double m[{measured_room}] = {{0}}, out[N + S];
+  for (int i = 0; i < Y; i++)
+    if (!isfinite(y[i])) return 2;
   {measure}
   if (!phcontrol_law(t, y, y + N, y + 2 * N, m, p, out)) return 1;
   for (int i = 0; i < N + S; i++)
@@ -127,15 +131,12 @@ class CompiledLoop:
     def __init__(self, plant: MechanicalSystem, law: Controller, compiler: Compiler, native: bool = False) -> None:
         if any(name not in _MEASURE for name in law.needs):
             raise CompilationError(f"{law.name} needs more measured than forces, which no loop in C gives it")
-        traced = trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)])
+        traced = trace_law(law, [instant for instant, _ in instants(law, TRACED, seed=1)])
         self.n, self.numbers = plant.n, traced.numbers
         self.plant, self.structure = plant, structure_of(law)
-        self.library = compiled(_source(plant, law, traced), compiler, native=native)
-        try:
-            self._loaded = ctypes.CDLL(str(self.library))
-            self._run, self._field = self._loaded.phcontrol_run, self._loaded.phcontrol_field
-        except (OSError, AttributeError) as error:
-            raise CompilationError(f"{self.library} cannot be loaded: {error}") from error
+        self.library = compiled(_source(plant, law, traced), compiler, native=native, accept=_loaded)
+        self._loaded = _loaded(self.library)
+        self._run, self._field = self._loaded.phcontrol_run, self._loaded.phcontrol_field
         self._run.argtypes = [
             ctypes.c_long, ctypes.c_long, ctypes.c_long, ctypes.c_double, ctypes.c_long, ctypes.c_double, ctypes.c_int,
             *[_VECTOR] * 6, ctypes.POINTER(ctypes.c_long),
@@ -149,6 +150,10 @@ class CompiledLoop:
         other = copy.copy(self)
         other.numbers = law_numbers(law)
         return other
+
+    def is_of(self, law: Controller) -> bool:
+        """Whether a law is still what was compiled: none of it was changed in place."""
+        return structure_of(law) == self.structure and np.array_equal(law_numbers(law), self.numbers)
 
     def field(self, t: float, y: Array, force: Array, limit: Array | None) -> tuple[int, Array, Array]:
         """Return what a run would say there, ẏ and the torque."""
@@ -186,6 +191,16 @@ class CompiledLoop:
                 return status, reached.value
             after(reached.value)
         return DONE, steps
+
+
+def _loaded(library: Path) -> Any:
+    """Return a library that has a loop in it."""
+    try:
+        found = ctypes.CDLL(str(library))
+        _ = found.phcontrol_run, found.phcontrol_field
+    except (OSError, AttributeError) as error:
+        raise CompilationError(f"{library} cannot be loaded: {error}") from error
+    return found
 
 
 def _pointer(array: Array | None) -> Any:

@@ -64,8 +64,10 @@ def export_law(controller: Controller, folder: str | Path, *, single: bool = Fal
     if law.jumps:
         raise CompilationError(f"{law.name} cannot be exported: its state jumps, which no step in C does")
     beginning = _beginning(law)
-    traced = trace_law(law, [instant for instant, _ in instants(law, _TRACED, seed=1)])
-    cases = _recorded(law, traced)
+    own = list(instants(law, _TRACED, seed=1))
+    traced = trace_law(law, [instant for instant, _ in own])
+    _recorded(law, traced, own)  # each way is held against the law where it was traced
+    cases = _recorded(law, traced, instants(law, 4 * CASES, seed=2))[:CASES]
     functions = [variant(f"way_{k}", traced, trace, single) for k, trace in enumerate(traced.traces)]
     operations = max(found.operations for found in functions)
     texts = _texts(law, traced, functions, cases, operations, single, beginning)
@@ -94,8 +96,8 @@ class _Case(NamedTuple):
     difference: float
 
 
-def _recorded(law: Controller, traced: TracedLaw) -> list[_Case]:
-    """Return states at which the traced law answers, and what the interpreted one orders there."""
+def _recorded(law: Controller, traced: TracedLaw, asked: Iterable[tuple[Instant, Command]]) -> list[_Case]:
+    """Return those of some states at which the traced law answers, and what the interpreted one orders there."""
     evaluated = [
         casadi.Function(
             "law",
@@ -105,7 +107,7 @@ def _recorded(law: Controller, traced: TracedLaw) -> list[_Case]:
         for trace in traced.traces
     ]
     found: list[_Case] = []
-    for instant, command in instants(law, 4 * CASES, seed=2):
+    for instant, command in asked:
         values = values_of(traced.layout, instant, traced.numbers)
         for evaluate in evaluated:
             guards, answer = (np.array(part).ravel() for part in evaluate(*values))
@@ -116,8 +118,6 @@ def _recorded(law: Controller, traced: TracedLaw) -> list[_Case]:
             gravity = law.system.motor_torque(x.potential_gradient)
             difference = float(np.abs(answer - expected).max() / max(float(np.abs(expected).max()), 1e-9))
             found.append(_Case(instant, command, np.array(gravity), values[4], difference))
-            break
-        if len(found) == CASES:
             break
     if not found:
         raise CompilationError(f"{law.name} as traced answers at no random state")

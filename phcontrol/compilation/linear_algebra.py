@@ -97,8 +97,8 @@ class Elimination(NamedTuple):
 def eliminate(matrix: Any) -> Elimination:
     """Return triangular factors of a square matrix.
 
-    A symmetric positive definite one needs no order of rows; its pivots are guarded to stay positive. Of others the pivots are those of the
-    sample, each guarded to stay above a tenth of its column.
+    A symmetric positive definite one needs no order of rows; its pivots are guarded to stay positive. Of others the
+    pivots are those of the sample, each guarded to stay above a tenth of its column.
     """
     work, n = symbols(matrix), len(matrix)
     samples = np.array([[sample_of(entry) for entry in row] for row in work])

@@ -91,7 +91,7 @@ class Guards:
             "positive": lambda: [expression > 0.0],
             "not negative": lambda: [expression >= 0.0],
             "sine": lambda: [size <= 1.0],
-            "exponent": lambda: [size <= _EXPONENT],
+            "exponent": lambda: [expression <= _EXPONENT, expression >= -_LARGEST],
         }[kind]()
         for condition in conditions:
             if not (condition.is_constant() and bool(float(condition))):
@@ -175,6 +175,8 @@ class Symbol:
         left, sample = _parts(other)
         if left is None:
             return NotImplemented
+        if type(left) is float and left == 0.0:  # by a zero's sign nothing differs but atan2, which looks
+            return -self
         return self._made(left - self.expression, sample - self.sample)
 
     def __mul__(self, other: Any) -> Any:
@@ -186,6 +188,8 @@ class Symbol:
                 return 0.0
             if right == 1.0:
                 return self
+            if right == -1.0:
+                return -self
         return self._made(self.expression * right, self.sample * sample)
 
     __rmul__ = __mul__
@@ -453,15 +457,15 @@ def sample_of(value: Any) -> float:
 class SymbolArray(np.ndarray):
     """An array of symbols whose largest entry is a function of all, and not a branch."""
 
-    def max(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
+    def max(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:
         """Return the largest entry of all."""
         return self._reduced("maximum", axis, out, initial, options)
 
-    def min(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:  # type: ignore[override]
+    def min(self, axis: Any = None, out: Any = None, initial: Any = None, **options: Any) -> Any:
         """Return the smallest entry of all."""
         return self._reduced("minimum", axis, out, initial, options)
 
-    def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:  # type: ignore[override]
+    def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:
         """Return a copy: symbols are floats."""
         if not is_real(dtype):
             refuse("numbers that depend on the arm's state are made other ones than floats here")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from phcontrol.compilation.compiled_loop import CompiledLoop
 
 _CHECKED = 12  # random instants at which a loop is held against the interpreted one
+_DIVERGED = 1e6  # beyond it bounds fail because numbers overflow
 _MADE: WeakKeyDictionary[Controller, CompiledLoop] = WeakKeyDictionary()
 """The last loop that each law was compiled in."""
 
@@ -57,7 +59,7 @@ def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) 
         return None
     law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
     known = _MADE.get(loop.controller)
-    if known is not None and known.plant is loop.plant:
+    if known is not None and known.plant is loop.plant and known.is_of(law):
         return known
     try:
         made = _checked(loop, law, compiler)
@@ -74,14 +76,14 @@ def _not_compiled(reason: str) -> None:
 
 def _checked(loop: ClosedLoop, law: Controller, compiler: Any) -> CompiledLoop:
     """Return the loop in C, held against the interpreted one at random instants. Raises CompilationError."""
-    from phcontrol.compilation.compiled_loop import NOT_COMPILED, CompiledLoop
+    from phcontrol.compilation.compiled_loop import NOT_COMPILED, TRACED, CompiledLoop
     from phcontrol.compilation.instants import instants
 
     alike = (other.under(law) for other in list(_MADE.values()) if other.plant is loop.plant)
     made = next((found for found in alike if found is not None), None) or CompiledLoop(loop.plant, law, compiler)
     plain = ClosedLoop(loop.plant, law, np.zeros(loop.n))
     worst, looked = 0.0, 0
-    for instant, _ in instants(law, _CHECKED, seed=3):
+    for instant, _ in chain(instants(law, TRACED, seed=1), instants(law, _CHECKED, seed=3)):
         y = np.concatenate([instant.position, instant.velocity, instant.state])
         status, rate, torque = made.field(instant.time, y, np.zeros(loop.n), None)
         if status == NOT_COMPILED:
@@ -116,6 +118,6 @@ def run_compiled(
         len(states) - 1, dt, integrator, loop.steady_force, loop.torque_limit, states, torques, stride=stride,
         period=control_period or 0.0, after=after,
     )  # fmt: skip
-    if status == NOT_COMPILED:
+    if status == NOT_COMPILED and np.abs(states[reached]).max() < _DIVERGED:
         _not_compiled(f"at t = {reached * dt:g} s it takes a branch that is not compiled")
     return status == DONE

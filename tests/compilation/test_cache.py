@@ -7,7 +7,7 @@ import stat
 
 import pytest
 
-from phcontrol import CompilationError, CompilationWarning
+from phcontrol import CompilationError, CompilationWarning, compile_law, make_controller
 from phcontrol.compilation.cache import cache_folder, compiled, open_folder
 
 SOURCE = "int phcontrol_law(void);\nint phcontrol_law(void) { return 41; }\n"
@@ -116,3 +116,37 @@ def test_the_folder_is_the_users(monkeypatch):
     assert str(cache_folder()) in ("/somewhere/phcontrol/compiled",)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # the standard says: ignored
     assert cache_folder().is_absolute()
+
+
+def wrapped(tmp_path, compiler, body):
+    script = tmp_path / "cc"
+    script.write_text(f'#!/bin/sh\n[ "$1" = --version ] && exec {compiler.path} --version\n{body}\n')
+    script.chmod(0o755)
+    return str(script)
+
+
+@pytest.mark.parametrize("made", ["garbage", "int nothing;", "int phcontrol_law(double t) { return 0; }"])
+def test_an_object_that_cannot_be_used_does_not_stay(made, folder, compiler, tmp_path, monkeypatch, shoulder):
+    law = make_controller("energy_shaping", shoulder)
+    find = 'while [ $# -gt 0 ]; do [ "$1" = -o ] && out="$2"; shift; done\n'
+    command = f"echo '{made}'" + (
+        ' > "$out"' if made == "garbage" else f' | {compiler.path} -x c -shared -fPIC -o "$out" -'
+    )
+    monkeypatch.setenv("CC", wrapped(tmp_path, compiler, find + command))
+    with pytest.raises(CompilationError, match="cannot be loaded|answers at no random state"):
+        compile_law(law)
+    monkeypatch.setenv("CC", compiler.path)
+    assert compile_law(law).report.covered == 1.0
+
+
+def test_a_folder_or_a_pipe_in_place_of_an_object(folder, compiler):
+    path = compiled(SOURCE, compiler)
+    path.unlink()
+    path.mkdir(0o700)
+    with pytest.warns(CompilationWarning), pytest.raises(CompilationError, match="cannot be written to"):
+        compiled(SOURCE, compiler)
+    path.rmdir()
+    os.mkfifo(path, 0o600)
+    with pytest.warns(CompilationWarning, match="it is no file"):
+        assert compiled(SOURCE, compiler) == path
+    assert path.is_file()

@@ -416,3 +416,55 @@ def test_a_schedule_of_compiled_laws_is_compiled_as_one(shoulder):
             expected, found = plain.evaluate(t, x, state), schedule.evaluate(t, x, state)
             np.testing.assert_allclose(found.torque, expected.torque, rtol=1e-12)
             np.testing.assert_allclose(found.state_rate, expected.state_rate, rtol=1e-10, atol=1e-12)
+
+
+class Named(EnergyShaping):
+    name = "named"
+    step: Vector = Vector("h", "rad", default=[0.1, 0.2])
+
+
+@pytest.mark.parametrize("name", ["step", "report", "interpreted"])
+def test_names_that_compiled_laws_have_a_use_for_are_refused(name, shoulder):
+    law = Named.tuned(shoulder) if name == "step" else EnergyShaping.tuned(shoulder)
+    if name != "step":
+        setattr(law, name, 0.5)
+    with pytest.raises(CompilationError, match=f"'{name}' of it must have another name"):
+        compile_law(law)
+
+
+class Remembering(EnergyShaping):
+    """Counts in a dict, which a copy shares."""
+
+    name = "remembering"
+
+    def prepare(self):
+        super().prepare()
+        self.memory = {"calls": 0}
+
+    def shape(self, t, x, state, measured):
+        self.memory["calls"] += 1
+        return super().shape(t, x, state, measured)
+
+
+def test_a_law_that_changes_while_it_is_evaluated_is_refused(shoulder):
+    with pytest.raises(CompilationError, match="it changes while it is evaluated|keeps 'memory'"):
+        compile_law(Remembering.tuned(shoulder))
+
+
+def test_every_way_is_held_against_the_law_where_it_was_traced(shoulder, monkeypatch):
+    """A way that is wrong, and that none of the states drawn afterwards meets."""
+    from phcontrol.compilation import trace
+
+    right, law = trace._traced, EnergyShaping.tuned(shoulder)
+    first = next(instant for instant, _ in instants(law, 48, seed=1))
+
+    def wrong(law, layout, inputs, values, inertias):
+        found = right(law, layout, inputs, values, inertias)
+        if np.array_equal(values[1], first.position):
+            there = inputs[1][0] == float(first.position[0])
+            return found._replace(guards=[there], torque=[2.0 * entry for entry in found.torque])
+        return found
+
+    monkeypatch.setattr(trace, "_traced", wrong)
+    with pytest.raises(CompilationError, match="differs from the interpreted law"):
+        compile_law(law)

@@ -159,3 +159,27 @@ def test_a_law_whose_state_jumps_is_simulated_interpreted(shoulder):
     law = Jumping.tuned(shoulder, goal=[0.4, 0.6])
     with pytest.warns(CompilationWarning, match="interpreted: a law whose state jumps: not compiled yet"):
         simulate(shoulder, law, duration=0.02, compiled=True)
+
+
+class Tabled(EnergyShaping):
+    name = "tabled"
+
+    def prepare(self):
+        super().prepare()
+        self.boost, self.table = 1.0, np.array([1.0, 2.0])
+
+    def shape(self, t, x, state, measured):
+        shaping = super().shape(t, x, state, measured)
+        return shaping._replace(effort=self.boost * self.table * shaping.effort)
+
+
+@pytest.mark.parametrize("name", ["boost", "table"])
+def test_a_law_that_was_changed_in_place_is_compiled_anew(name, shoulder):
+    law = Tabled.tuned(shoulder, goal=[0.4, 0.6])
+    before = both(shoulder, law, duration=0.1)
+    if name == "boost":
+        law.boost = 4.0
+    else:
+        law.table[:] = 9.0
+    after = both(shoulder, law, duration=0.1)
+    assert np.abs(after.torque - before.torque).max() > 1.0
