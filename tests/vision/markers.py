@@ -18,7 +18,11 @@ def rays(camera, fineness):
     rows = (np.arange(height * fineness) + 0.5) / fineness - 0.5
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-    points = cv2.undistortPoints(pixels, camera.matrix, np.array(camera.distortion or [0.0] * 5), criteria=criteria)
+    distortion = np.array(camera.distortion or [0.0] * 5)
+    if hasattr(cv2, "undistortPointsIter"):  # OpenCV 4
+        points = cv2.undistortPointsIter(pixels, camera.matrix, distortion, np.eye(3), np.eye(3), criteria)
+    else:
+        points = cv2.undistortPoints(pixels, camera.matrix, distortion, criteria=criteria)
     return points.reshape(height * fineness, width * fineness, 2)
 
 
