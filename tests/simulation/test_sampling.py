@@ -20,7 +20,7 @@ CALM = np.array([1.0, -2.0])
 class Law:
     """Torque and rate are told; its storage is ½|z − z*|², smallest at z*."""
 
-    system, name = SimpleNamespace(n=2), "law"
+    system, name, longest_period = SimpleNamespace(n=2), "law", float("inf")
 
     def __init__(self):
         self.torque, self.rate = np.zeros(2), np.zeros(2)

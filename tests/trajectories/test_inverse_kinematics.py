@@ -118,7 +118,7 @@ def matrix(rotation):
     [
         (("hnad", [0.0, 0.0, 1.0]), UnknownNameError, "unknown frame 'hnad' of pera"),
         (("tool", [0.0, 1.0]), InvalidArgumentError, r"target: must be a point \(3,\)"),
-        (("tool", 2.0 * np.eye(4)), InvalidArgumentError, "target: must be a point"),
+        (("tool", 2.0 * np.eye(4)), InvalidArgumentError, "target: must have the last row"),
         (("tool", matrix(1.1 * np.eye(3))), InvalidArgumentError, "target: must be a point"),
         (("tool", matrix(np.eye(3) + 1e-5 * np.eye(3, k=1))), InvalidArgumentError, "target: must be a point"),
         (("tool", matrix(np.diag([1.0, 1.0, -1.0]))), InvalidArgumentError, "target: must be a point"),
