@@ -108,7 +108,10 @@ def test_features_of_a_distorted_image_are_those_without_the_lens(lens, place):
     pixel = made.pixel_size
     right = np.abs(extract_features(image, made) - seen) / pixel
     assert right[:2].max() < 0.03  # pixels
-    assert right[2] < 0.2  # what drawing leaves without a lens, too
+    plain = camera("none")  # what drawing leaves without a lens, too: it differs between versions of OpenCV
+    x, thing = scene(plain, seen, 0.4)
+    drawn = np.abs(extract_features(Renderer(thing, blur=0.5).render(x.placement("camera")), plain) - seen) / pixel
+    assert right[2] < drawn[2] + 0.1
     ignorant = np.abs(extract_features(image, camera("none")) - seen) / pixel
     if place != (0.0, 0.0):
         assert ignorant.max() > 2.0  # pixels
