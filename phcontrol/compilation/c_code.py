@@ -26,6 +26,7 @@ _UNARY = {
 _NAMES = (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO")
 _OPERATIONS = {getattr(casadi, name): name for name in _NAMES if hasattr(casadi, name)}
 _LARGEST_FLOAT = 3.4028234e38
+_LEAST_SINGLE = 1e-18  # squares of smaller floats lose digits
 
 INPUTS = ("t", "q", "v", "s", "m", "p")
 """What a function reads: time, q, q̇, the law's state, what is measured, its numbers."""
@@ -41,6 +42,8 @@ class Function(NamedTuple):
 
 def literal(value: float, single: bool) -> str:
     """Return a number as C writes it."""
+    if single and 0.0 < abs(value) < _LEAST_SINGLE:  # a bound on what may be divided by; floats do not hold it
+        value = math.copysign(_LEAST_SINGLE, value)
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
