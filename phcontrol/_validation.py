@@ -131,6 +131,12 @@ def is_rotation(matrix: Array, tolerance: float = 1e-9) -> bool:
     return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= tolerance and np.linalg.det(matrix) > 0.0)
 
 
+def check_homogeneous(name: str, value: Array) -> None:
+    """Raise InvalidArgumentError unless a (4, 4) matrix ends like a homogeneous one."""
+    if not np.array_equal(value[3], [0.0, 0.0, 0.0, 1.0]):
+        raise InvalidArgumentError(name, f"must have the last row (0, 0, 0, 1), but has {value[3]}")
+
+
 def rotation(name: str, value: ArrayLike) -> Array:
     """Return ``value`` as a finite read-only rotation matrix, shape (3, 3)."""
     array = finite_array(name, value)

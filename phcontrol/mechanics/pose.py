@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 import pinocchio as pin
 
-from phcontrol._validation import Array, finite_array, rotation, vector
+from phcontrol._validation import Array, check_homogeneous, finite_array, rotation, vector
 from phcontrol.exceptions import InvalidArgumentError
 
 
@@ -48,7 +47,6 @@ def check_pose(name: str, value: Any) -> Pose:
         if array.shape != (4, 4):
             message = f"must be a pose (Pose, pin.SE3 or a (4, 4) matrix), but has shape {array.shape}"
             raise InvalidArgumentError(name, message)
-        if not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
-            raise InvalidArgumentError(name, f"must have the last row (0, 0, 0, 1), but has {array[3]}")
+        check_homogeneous(name, array)
         translation, turn = array[:3, 3], array[:3, :3]
     return Pose(vector(f"{name}.translation", translation, 3), rotation(f"{name}.rotation", turn))

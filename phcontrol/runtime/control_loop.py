@@ -121,8 +121,7 @@ class ControlLoop:
             self._jumps,
         )
         self._measured = MeasuredBorders(controller, robot)
-        if setpoint is not None and not isinstance(setpoint, Setpoint):
-            raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(setpoint).__name__}")
+        Setpoint.check(setpoint)
         self.setpoint = setpoint
         if camera is not None and not isinstance(camera, LoopCamera):
             raise InvalidArgumentError("camera", f"must be a LoopCamera, but is {type(camera).__name__}")

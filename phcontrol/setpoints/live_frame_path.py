@@ -72,7 +72,7 @@ class LiveFramePath(LiveMotion[Place]):
         speeds = [positive("speed", speed), positive("turning_speed", turning_speed)]
         super().__init__(start)
         self._turns = start.rotation is not None
-        self._centres = [start.rotation]
+        self._centres = [] if start.rotation is None else [start.rotation]
         """R_c of each leg, and at first."""
         first = np.concatenate([start.position, np.zeros(3)]) if self._turns else start.position
         each = np.repeat(speeds, 3)[: first.size] / math.sqrt(3.0)
@@ -86,18 +86,17 @@ class LiveFramePath(LiveMotion[Place]):
     def at(self, t: float) -> FrameReference:
         """Return pose, twist and acceleration at time t [s]."""
         leg, x, rate, bend = self._course.at(self.plain(t))
-        centre = self._centres[leg + 1]
-        if centre is None:
+        if not self._turns:
             return FrameReference(x, None, rate, bend)
         spin, spin_rate = _turning(x[3:], rate[3:], bend[3:])
         rate[3:], bend[3:] = spin, spin_rate
-        return FrameReference(x[:3], pin.exp3(x[3:]) @ centre, rate, bend)
+        return FrameReference(x[:3], pin.exp3(x[3:]) @ self._centres[leg + 1], rate, bend)
 
     def checked(self, goal: Any) -> Place:
         """Return a goal as a place. Raises InvalidArgumentError for none, as the path asks for one."""
         place = Place(*pose("goal", goal))
-        if (place.rotation is None) != (not self._turns):
-            wanted = "a point: the orientation is left free" if not self._turns else "a pose, with an orientation"
+        if (place.rotation is not None) != self._turns:
+            wanted = "a pose, with an orientation" if self._turns else "a point: the orientation is left free"
             raise InvalidArgumentError("goal", f"must be {wanted}, as the path's origin is")
         if np.abs(place.position).max() > _FARTHEST:
             raise InvalidArgumentError("goal", f"must be in metres, within {_FARTHEST:g} m, but is {place.position}")

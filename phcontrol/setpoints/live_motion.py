@@ -52,8 +52,12 @@ class LiveMotion(ABC, Generic[Place]):
 
         Raises InvalidArgumentError for what is none; then the last goal stays.
         """
-        self._asked = self.checked(goal)
-        self._waiting.append(self._asked)
+        self.ask(self.checked(goal))
+
+    def ask(self, place: Place) -> None:
+        """Ask for a goal that ``checked`` returned."""
+        self._asked = place
+        self._waiting.append(place)
 
     def advance(self, t: float) -> None:
         """Take up what was asked for, from time t on [s]; called before the course is asked for at t.

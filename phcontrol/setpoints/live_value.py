@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, finite_array, positive
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.setpoints.live_motion import LiveMotion
-from phcontrol.trajectories.minimum_jerk import PEAK_SPEED
+from phcontrol.trajectories.minimum_jerk import PEAK_SPEED, MinimumJerk
 
 _SHORTEST = 0.05  # change [s]
 
@@ -20,10 +20,9 @@ _SHORTEST = 0.05  # change [s]
 class LiveValue(LiveMotion[Array]):
     """Numbers on a smooth course to those last asked for: a stiffness, a force. Called with a time it returns them.
 
-        k(t) = a + (b − a)(10τ³ − 15τ⁴ + 6τ⁵)
-
-    One change after the other, from rest to rest; one that comes meanwhile waits, and a later one takes its place. So
-    the course is straight between what was asked for: a stiffness between positive definite ones is positive definite.
+    One change after the other, from rest to rest (:class:`MinimumJerk`); one that comes meanwhile waits, and a later
+    one takes its place. So the course is straight between what was asked for: a stiffness between positive definite
+    ones is positive definite.
 
     Args:
         origin: numbers at first; every change has their shape.
@@ -52,23 +51,18 @@ class LiveValue(LiveMotion[Array]):
             check(start)
         self._rate = positive("rate", rate)
         super().__init__(start)
-        self._changes: list[tuple[Array, Array]] = []
+        self._changes: list[MinimumJerk] = []
         self._starts: list[float] = []
-        self._end = 0.0
 
     @property
     def duration(self) -> float:
         """When the course so far ends [s]; 0 before the first change."""
-        return self._end
+        return self._changes[-1].duration if self._changes else 0.0
 
     def __call__(self, t: float) -> Array:
         """Return the numbers at time t [s], of the shape of those at first."""
         k = bisect_right(self._starts, self.plain(t)) - 1
-        if k < 0:
-            return np.array(self._origin)
-        before, way = self._changes[k]
-        tau = min(1.0, (t - self._starts[k]) / self._time_for(way))
-        value: Array = before + tau**3 * (10.0 + tau * (6.0 * tau - 15.0)) * way
+        value: Array = np.array(self._origin) if k < 0 else self._changes[k].at(t).position.reshape(self._origin.shape)
         return value
 
     def checked(self, goal: Any) -> Array:
@@ -81,15 +75,10 @@ class LiveValue(LiveMotion[Array]):
         return value
 
     def _is_free(self, t: float) -> bool:
-        return t >= self._end
+        return t >= self.duration
 
     def _redirect(self, t: float, goal: Array) -> None:
         before = self(t)
-        way = goal - before
-        self._end = t + self._time_for(way)
-        self._changes.append((before, way))
+        time = max(_SHORTEST, PEAK_SPEED * float(np.abs(goal - before).max(initial=0.0)) / self._rate)
+        self._changes.append(MinimumJerk(before.ravel(), goal.ravel(), time, start=t))
         self._starts.append(t)  # last: a reader on another thread goes by this
-
-    def _time_for(self, way: Array) -> float:
-        """Return how long a change takes [s]."""
-        return max(_SHORTEST, PEAK_SPEED * float(np.abs(way).max(initial=0.0)) / self._rate)

@@ -56,6 +56,12 @@ class Setpoint:
         """That of the loop, as of its last step [s]; −inf before the first."""
         return self._time
 
+    @classmethod
+    def check(cls, value: Any) -> None:
+        """Raise InvalidArgumentError, naming ``setpoint``, for what is neither one nor None."""
+        if value is not None and not isinstance(value, cls):
+            raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(value).__name__}")
+
     def change(self, *, at: float | None = None, **goals: Any) -> None:
         """Ask for new goals, by the names of the parts.
 
@@ -75,7 +81,7 @@ class Setpoint:
         later = None if at is None else number("at", at, minimum=self._time)
         for name, goal in checked.items():
             if later is None:
-                self.parts[name].request(goal)
+                self.parts[name].ask(goal)
             else:
                 heapq.heappush(self._later, (later, next(self._order), name, goal))
 
@@ -83,7 +89,7 @@ class Setpoint:
         """Take up what was asked for until time t [s]; called by the loop."""
         while self._later and self._later[0][0] <= t:
             _, _, name, goal = heapq.heappop(self._later)
-            self.parts[name].request(goal)
+            self.parts[name].ask(goal)
         for part in self.parts.values():
             part.advance(t)
         self._time = t

@@ -105,8 +105,10 @@ def simulate(
         sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
     if scene is not None and not hasattr(scene, "state_size"):
         raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
-    if setpoint is not None:
-        _check_setpoint(setpoint)
+    Setpoint.check(setpoint)
+    if setpoint is not None and not math.isinf(setpoint.time):
+        message = f"has been through a run until {setpoint.time:g} s, and its course is that run's: make a new one"
+        raise InvalidArgumentError("setpoint", message)
     if watch is not None and not callable(watch):
         raise InvalidArgumentError("watch", f"must be callable with the log, but is {type(watch).__name__}")
     step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
@@ -256,14 +258,6 @@ def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
         if (limit <= 0.0).any():
             raise InvalidArgumentError("torque_limit", "must be > 0")
     return None if np.isinf(limit).all() else limit
-
-
-def _check_setpoint(setpoint: Any) -> None:
-    if not isinstance(setpoint, Setpoint):
-        raise InvalidArgumentError("setpoint", f"must be a Setpoint, but is {type(setpoint).__name__}")
-    if not math.isinf(setpoint.time):
-        message = f"has been through a run until {setpoint.time:g} s, and its course is that run's: make a new one"
-        raise InvalidArgumentError("setpoint", message)
 
 
 def _sight(loop: ClosedLoop) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, finite_array
+from phcontrol._validation import Array, check_homogeneous, finite_array
 from phcontrol.exceptions import InvalidArgumentError
 
 Pose: TypeAlias = pin.SE3 | ArrayLike | tuple[ArrayLike, ArrayLike]
@@ -34,8 +34,7 @@ def pose(name: str, value: Pose) -> tuple[Array, Array | None]:
         return array, None
     if array.shape != (4, 4):
         raise InvalidArgumentError(name, f"{_FORMS}, but has shape {array.shape}")
-    if not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
-        raise InvalidArgumentError(name, f"must have the last row (0, 0, 0, 1), but has {array[3]}")
+    check_homogeneous(name, array)
     return array[:3, 3], rotation(name, array[:3, :3])
 
 

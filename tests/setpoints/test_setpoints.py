@@ -229,6 +229,18 @@ def test_bad_input_is_refused():
         simulate(ARM, law, duration=0.1, setpoint=setpoint)
 
 
+def test_a_point_is_changed_through_a_setpoint():
+    """At once and later: what was checked is not checked again, as a point is no pair of a point and a rotation."""
+    path = LiveFramePath(FRAME, [0.0, 0.0, 0.0])
+    setpoint = Setpoint(hand=path)
+    setpoint.change(hand=[0.1, 0.0, 0.0])
+    setpoint.change(hand=[0.1, 0.2, 0.0], at=5.0)
+    setpoint.advance(0.0)
+    np.testing.assert_allclose(path.at(4.0).position, [0.1, 0.0, 0.0], atol=1e-12)
+    setpoint.advance(5.0)
+    np.testing.assert_allclose(path.at(20.0).position, [0.1, 0.2, 0.0], atol=1e-12)
+
+
 def test_a_goal_that_cannot_be_reached_within_the_limits_changes_nothing():
     """Ruckig fails for ways that take too long: the path goes on, with the orientation that it had."""
     start = (np.zeros(3), turned((0.1, 0.2, 0.3)))
