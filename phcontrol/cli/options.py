@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from phcontrol.mechanics.state import INTERCONNECTIONS
+from phcontrol.simulation.integrators import INTEGRATORS
 
 RobotOption = Annotated[str, typer.Option(help="A shipped robot, a URDF file, or a name of example-robot-data.")]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
@@ -33,6 +34,14 @@ SetOption = Annotated[
         metavar="NAME=VALUE",
     ),
 ]
+IntegratorOption = Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")]
+PeriodOption = Annotated[
+    float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
+]
+DurationOption = Annotated[float, typer.Option(help="Simulated time [s].")]
+SamplesOption = Annotated[int, typer.Option(help="States at which the law is certified.")]
+OutOption = Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")]
+OptionalOutOption = Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ViewOption = Annotated[bool, typer.Option("--view", help="Watch in a browser, at the pace of the clock.")]
 RecordOption = Annotated[

@@ -12,11 +12,16 @@ from phcontrol.cli.arm import system_of
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
+    DurationOption,
     FormOption,
+    IntegratorOption,
     LockOption,
+    OptionalOutOption,
+    PeriodOption,
     PortOption,
     RecordOption,
     RobotOption,
+    SamplesOption,
     SetOption,
     StepOption,
     ViewOption,
@@ -24,7 +29,6 @@ from phcontrol.cli.options import (
 from phcontrol.cli.showing import Showing
 from phcontrol.cli.texts import numbers_of, settings_of
 from phcontrol.runs.cartesian import run_cartesian
-from phcontrol.simulation.integrators import INTEGRATORS
 
 StiffnessOption = Annotated[
     str | None,
@@ -43,17 +47,15 @@ def impedance(
     push: PushOption = None,
     frame: HandOption = None,
     interconnection: FormOption = "coriolis",
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 5.0,
+    duration: DurationOption = 5.0,
     dt: StepOption = None,
-    integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
-    control_period: Annotated[
-        float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
-    ] = None,
+    integrator: IntegratorOption = "rk4",
+    control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
-    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
-    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
+    samples: SamplesOption = SAMPLES,
+    out: OptionalOutOption = None,
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
@@ -92,16 +94,14 @@ def tracking(
     push: PushOption = None,
     frame: HandOption = None,
     interconnection: FormOption = "coriolis",
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 5.0,
+    duration: DurationOption = 5.0,
     dt: StepOption = None,
-    control_period: Annotated[
-        float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
-    ] = None,
+    control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
-    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
-    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
+    samples: SamplesOption = SAMPLES,
+    out: OptionalOutOption = None,
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,

@@ -13,20 +13,24 @@ from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
+    DurationOption,
     FormOption,
     FrameOption,
+    IntegratorOption,
     LockOption,
+    OptionalOutOption,
+    PeriodOption,
     PortOption,
     ReachOption,
     RecordOption,
     RobotOption,
+    SamplesOption,
     SetOption,
     StepOption,
     ViewOption,
 )
 from phcontrol.cli.showing import Showing
 from phcontrol.cli.texts import settings_of
-from phcontrol.simulation.integrators import INTEGRATORS
 
 
 def position(
@@ -41,20 +45,18 @@ def position(
     ] = None,
     reach: ReachOption = None,
     frame: FrameOption = None,
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 10.0,
+    duration: DurationOption = 10.0,
     dt: StepOption = None,
-    integrator: Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")] = "rk4",
-    control_period: Annotated[
-        float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
-    ] = None,
+    integrator: IntegratorOption = "rk4",
+    control_period: PeriodOption = None,
     step: Annotated[
         bool, typer.Option("--step", help="Give the goal as a jump, in place of a smooth reference. Laws overshoot it.")
     ] = False,
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
-    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
-    out: Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")] = None,
+    samples: SamplesOption = SAMPLES,
+    out: OptionalOutOption = None,
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,

@@ -13,11 +13,14 @@ from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
+    DurationOption,
     FormOption,
     LockOption,
+    OutOption,
     PortOption,
     RecordOption,
     RobotOption,
+    SamplesOption,
     SetOption,
     ViewOption,
 )
@@ -36,7 +39,7 @@ def servo(
         str, typer.Option(help="Where the object is in the image at home: mu,nu,l [m].")
     ] = "0.004,0.003,0.0028",
     goal: Annotated[str, typer.Option(help="Where it should be: mu,nu,l [m].")] = "0,0,0.002",
-    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 6.0,
+    duration: DurationOption = 6.0,
     dt: Annotated[float, typer.Option(help="Step of the integrator [s].")] = 2e-3,
     camera_rate: Annotated[
         float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
@@ -44,8 +47,8 @@ def servo(
     lock: LockOption = None,
     armature: ArmatureOption = None,
     settings: SetOption = None,
-    samples: Annotated[int, typer.Option(help="States at which the law is certified.")] = SAMPLES,
-    out: Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")] = Path("results/servo"),
+    samples: SamplesOption = SAMPLES,
+    out: OutOption = Path("results/servo"),
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
