@@ -16,6 +16,7 @@ from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.simulation.integrators import runge_kutta_step
 
 _RANK = 1e-7  # of the largest singular value, below which one is 0
 _STEP = 1e-4  # of the finite differences, in natural units
@@ -125,11 +126,8 @@ def _least_loss(
         at = SampledState(0.0, y[:n], y[n : 2 * n], y[2 * n :], nothing, scene, "")
         return Seen.of(controller, system, at)
 
-    def rate(y: Array) -> Array:
-        there = seen(y)
-        command = there.command()
-        acceleration = system.at(there.at.position, there.at.velocity).acceleration(command.torque)
-        return np.concatenate([there.at.velocity, acceleration, command.state_rate])
+    def rate(t: float, y: Array) -> Array:
+        return seen(y).rate(system)
 
     def stored(y: Array) -> float:
         return seen(y).stored() - seen(rest).stored()
@@ -151,10 +149,7 @@ def _least_loss(
             continue  # back at the rest, or none was found
         h, there, lost = 0.5 / fastest, y, 0.0  # summed: what the integrator itself loses does not count
         for _ in range(_STEPS):
-            first = rate(there)
-            second = rate(there + 0.5 * h * first)
-            third = rate(there + 0.5 * h * second)
-            there = there + h / 6.0 * (first + 2.0 * second + 2.0 * third + rate(there + h * third))
+            there = runge_kutta_step(rate, 0.0, there, h, rate(0.0, there))
             lost += h * _power(seen(there).promise())
         least = float(np.fmin(least, lost / energy))
     return least
@@ -162,9 +157,7 @@ def _least_loss(
 
 def _losses(promise: Promise) -> Array:
     """Return R_d^½∇H_d [√W]."""
-    values, vectors = np.linalg.eigh(promise.R)
-    lost: Array = vectors @ (np.sqrt(np.maximum(values, 0.0)) * (vectors.T @ promise.gradient))
-    return lost
+    return promise.dissipation_root @ promise.gradient
 
 
 def _power(promise: Promise) -> float:

@@ -84,15 +84,10 @@ def linearise(controller: Controller, system: MechanicalSystem) -> LinearLoop:
         return Seen.of(controller, system, at)
 
     def rate(y: Array, force: Array) -> Array:
-        there = seen(y, force)
-        command = there.command()
-        acceleration = system.at(there.at.position, there.at.velocity).acceleration(command.torque, force)
-        return np.concatenate([there.at.velocity, acceleration, command.state_rate]) / scale
+        return seen(y, force).rate(system) / scale
 
     nothing = np.zeros(n)
     promise = seen(here, nothing).promise()
-    values, vectors = np.linalg.eigh(promise.R)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
 
     def gradient(y: Array) -> Array:
         return seen(y, nothing).promise().gradient
@@ -110,5 +105,5 @@ def linearise(controller: Controller, system: MechanicalSystem) -> LinearLoop:
         B=jacobian(lambda force: rate(here, force), nothing, units.force, _STEP)[0],
         force_output=promise.port.T @ slope,  # ∇H_d is 0 at rest: the port's own change does not count
         passive_output=jacobian(passive, here, scale, _STEP)[0] * scale,
-        losses=root @ slope,
+        losses=promise.dissipation_root @ slope,
     )

@@ -48,6 +48,13 @@ class Promise(NamedTuple):
         driven: Array = self.drive_port @ self.signal
         return driven
 
+    @property
+    def dissipation_root(self) -> Array:
+        """R^½, symmetric: |R^½∇H_d|² is what is lost."""
+        values, vectors = np.linalg.eigh(self.R)
+        root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        return root
+
     def rate(self, force: Array) -> Array:
         """Return ẋ as promised, under an external force [N·m]."""
         rate: Array = (self.J - self.R) @ self.gradient + self.port @ force + self.driven

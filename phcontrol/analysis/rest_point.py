@@ -154,10 +154,7 @@ class _Neighbourhood:
 
     def _rate(self, y: Array) -> Array:
         """Return ẏ of the true closed loop."""
-        seen = self._seen(y)
-        at, command = seen.at, seen.command()
-        acceleration = self._plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
-        return np.concatenate([at.velocity, acceleration, command.state_rate])
+        return self._seen(y).rate(self._plant)
 
     def _drift(self, y: Array) -> Array:
         """Return ẏ less what a reference moves with, (q̇_ref, q̈_ref, 0): zero where the arm goes along with it."""

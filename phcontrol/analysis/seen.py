@@ -43,6 +43,12 @@ class Seen:
         """Return torque and state rate."""
         return self.law.evaluate(self.at.time, self.view, self.at.state, self.measured)
 
+    def rate(self, plant: MechanicalSystem) -> Array:
+        """Return the rate of (q, q̇, controller state) in the true closed loop of a plant."""
+        at, command = self.at, self.command()
+        acceleration = plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
+        return np.concatenate([at.velocity, acceleration, command.state_rate])
+
     def stored(self) -> float:
         """Return H_d [J]. Raises InvalidArgumentError unless it is a finite number."""
         value = self.law.storage(self.at.time, self.view, self.at.state, self.measured)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from phcontrol._lazy import lazy
+from phcontrol._smooth import smooth
 from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.singular_damping import SINGULAR_REGION, frame_damping
@@ -78,8 +79,7 @@ class TaskSpace:
     @property
     def clearance(self) -> float:
         """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        share = min(1.0, max(0.0, self.singularity_distance / SINGULAR_REGION - 1.0))
-        return share * share * (3.0 - 2.0 * share)
+        return smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:

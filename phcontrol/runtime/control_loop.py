@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from phcontrol._smooth import smooth
 from phcontrol._validation import Array, number, per_joint, positive, real_array
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
@@ -395,7 +396,4 @@ def _described(error: Exception) -> str:
 
 def _smooth(elapsed: float, duration: float) -> float:
     """Return a smooth course from 0 to 1."""
-    if elapsed >= duration:
-        return 1.0
-    part = elapsed / duration
-    return part * part * (3.0 - 2.0 * part)
+    return 1.0 if elapsed >= duration else smooth(elapsed / duration)

@@ -90,7 +90,7 @@ def simulate(
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
         compiled: simulate in C (:func:`compile_law` says what that takes): plant, law, integration and log in one loop.
-            What is not compiled (bodies, scenes, sensors, filters, disturbances that are functions,
+            What is not compiled (bodies, scenes, sensors, filters, setpoints, disturbances that are functions,
             ``implicit_midpoint``) is simulated interpreted, and a CompilationWarning says so.
 
     Raises:
@@ -155,7 +155,6 @@ def simulate(
             "bodies": [body.record() for body in bodies],
             "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")},
             "sight": _sight(loop),
-            "tank": controller.tank_level(state) is not None,
             "wrench_frames": [wrench.frame for wrench in loop.wrenches],
             "dt": dt,
             "integrator": integrator,
@@ -167,7 +166,13 @@ def simulate(
     )  # fmt: skip
     y = np.concatenate([position, velocity, state, body_state, scene_state])
     if flag("compiled", compiled):
-        others = {"sensors": sensors, "a scene": scene, "a torque filter": torque_filter, "watch": watch}
+        others = {
+            "sensors": sensors,
+            "a scene": scene,
+            "a torque filter": torque_filter,
+            "a setpoint": setpoint,
+            "watch": watch,
+        }
         in_c = compiled_loop_of(loop, integrator, others)
         if in_c is not None and _run_in_c(in_c, loop, log, y, dt, steps, integrator, control_period, stride, progress):
             return log

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from phcontrol._smooth import smooth
 from phcontrol._validation import number, positive
 from phcontrol.exceptions import InvalidArgumentError
 
@@ -128,22 +129,15 @@ class EnergyTank:
         """
         charge = self.charge(state)
         level = 0.5 * charge * charge
-        opening = _smooth((level - self.lowest) / self.ramp)
+        opening = smooth((level - self.lowest) / self.ramp)
         leak = 2.0 * self.leak * opening * level
         if power > self.largest_power:
             opening *= self.largest_power / power
-        fullness = _smooth((level - self.highest) / self.ramp + 1.0)
-        refill = _KEPT * (1.0 - fullness) * _smooth(level / self.lowest)
+        fullness = smooth((level - self.highest) / self.ramp + 1.0)
+        refill = _KEPT * (1.0 - fullness) * smooth(level / self.lowest)
         if refill * damping_power > self.largest_power:
             refill = self.largest_power / damping_power
         returned = max(0.0, -opening * power)
         lost = leak + returned - (1.0 - fullness) * min(returned, self.largest_power)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
         return TankFlow(opening, refill, lost, charge, rate)
-
-
-def _smooth(share: float) -> float:
-    """Return 3s² − 2s³ of a share s, held at 0 and 1."""
-    if share <= 0.0:
-        return 0.0
-    return 1.0 if share >= 1.0 else share * share * (3.0 - 2.0 * share)

@@ -81,7 +81,7 @@ class LiveView:
 
     def _begin(self, log: Log, k: int) -> None:
         row = log.derive(k)
-        self._stage = Stage.of(log, goal="goal" in row)
+        self._stage = Stage.of(log, goal="goal" in row, tank="tank_level" in row)
         first = self._stage.frame(float(log.time[k]), log.position[k], row)
         self.server.publish(page(self._stage, np.array([first]), live=True, controls=self.controls))
         self._announce(self.server)

@@ -96,14 +96,14 @@ class Stage:
             self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
 
     @classmethod
-    def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None) -> Stage:
+    def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None, tank: bool | None = None) -> Stage:
         """Return the stage of a log.
 
         Of a log that was read from a file, nothing that it names is opened but the meshes of a robot that is installed
         here. Raises PHControlError when it does not say what robot it is of, or says what cannot be.
         """
         try:
-            return cls._of(log, robot, goal)
+            return cls._of(log, robot, goal, tank)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError) as error:
             if isinstance(error, PHControlError) or log.path is None:
                 raise
@@ -112,7 +112,7 @@ class Stage:
             ) from error
 
     @classmethod
-    def _of(cls, log: Log, robot: Robot | None, goal: bool | None) -> Stage:
+    def _of(cls, log: Log, robot: Robot | None, goal: bool | None, tank: bool | None) -> Stage:
         metadata, foreign = log.metadata, log.path is not None
         arm = recorded_robot(log) if robot is None else robot
         if list(arm.joint_names) != metadata["joint_names"]:
@@ -127,7 +127,7 @@ class Stage:
             wrench_frames=metadata.get("wrench_frames", ()),
             sight=sight,
             largest_features=np.nan_to_num(np.abs(log.features[: len(log)])).max(axis=0) if sight else None,
-            tank=bool(metadata.get("tank")),
+            tank=log.tank_level is not None if tank is None else tank,
             goal=log.goal is not None if goal is None else goal,
             title=f"{arm.name} under {law}",
             confined=foreign and robot is None,
@@ -168,7 +168,7 @@ class Stage:
             )
         )
         for value in self.values[len(VALUES) :]:
-            parts.append(row.get("tank_level", 0.0) if value["name"] == "tank" else row["contact_force"])
+            parts.append(row["tank_level" if value["name"] == "tank" else "contact_force"])
         parts.extend(here[self.trail].translation)
         if self.image is not None:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))

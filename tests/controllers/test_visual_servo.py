@@ -25,6 +25,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.mechanics.derivatives import right_inverse
 from phcontrol.mechanics.singular_damping import SingularDamping
 from phcontrol.mechanics.state import INTERCONNECTIONS
@@ -199,6 +200,8 @@ def test_bad_gains_are_refused(pera, law, options, complaint):
 def test_arms_with_too_few_joints_are_refused(shoulder, law):
     with pytest.raises(InvalidArgumentError, match=r"has 2 joints, but \w+_servo needs at least 3"):
         make_controller(law, shoulder)
+    with pytest.raises(InvalidArgumentError, match="has 2 joints, but three features need"):
+        CONTROLLERS[law].law.tuned(shoulder)
 
 
 def test_a_singular_goal_is_refused_by_the_reduction_law():
