@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from phcontrol._validation import Array
 from phcontrol.controllers.damped_law import DampedLaw
 from phcontrol.controllers.position_law import PositionLaw
@@ -39,20 +41,26 @@ class EnergyShaping(PositionLaw, DampedLaw):
     name = "energy_shaping"
 
     def prepare(self) -> None:
-        """See whether the whole force along a trajectory is to be had at once."""
+        """See whether the whole force is to be had at once: about a spring on the joints, at rest or led by them."""
         super().prepare()
-        self._tracks = self.interconnection == "coriolis" and self._trajectory is not None
+        led = self.interconnection == "coriolis" and self._trajectory is not None
+        self._at_once = self._spring if led or self.reference is None else None
+        self._rest: Array = np.zeros(self.system.n)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e; along a trajectory the whole force at once."""
-        if not self._tracks or self._spring is None:
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − G C Gᵀv_e; about a spring on the joints the whole force at once."""
+        spring = self._at_once
+        if spring is None:
             return super().shape(t, x, state, measured)
         known = self._measurement(measured, "external_force") if self.cancels_external_force else None
-        return Shaping(self._tracking_force(t, x, self._spring), cancelled_force=known, complete=True)
+        return Shaping(self._spring_force(t, x, spring), cancelled_force=known, complete=True)
 
-    def _tracking_force(self, t: float, x: MechanicalState, spring: JointSpring) -> Array:
-        """Return the whole force along a trajectory in the coriolis form, without forming M or C [N·m]."""
-        assert self._trajectory is not None
-        position, velocity, acceleration = self._trajectory.at(t)
-        leading, error = x.feedforward(velocity, acceleration), x.position_error(position)
+    def _spring_force(self, t: float, x: MechanicalState, spring: JointSpring) -> Array:
+        """Return the whole force about a spring on the joints, without forming M or C [N·m]."""
+        if self._trajectory is None:
+            leading, position, velocity = x.potential_gradient, spring.goal, self._rest
+        else:
+            position, velocity, acceleration = self._trajectory.at(t)
+            leading = x.feedforward(velocity, acceleration)
+        error = x.position_error(position)
         return _feedback(leading, spring.stiffness, error, self._joint_damping, x.velocity, velocity)
