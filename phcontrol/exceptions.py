@@ -14,6 +14,9 @@ from typing import Any
 class PHControlError(Exception):
     """Root of every error that phcontrol raises on purpose."""
 
+    exit_code = 2
+    """With which the command line ends on it."""
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle message and evidence. Python would call the constructor with the message alone."""
         return _restored, (type(self), self.args, self.__dict__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import json
 import os
@@ -18,10 +19,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from phcontrol import Log, load_robot
 from phcontrol.cli import app
+from phcontrol.cli.application import Commands
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from tests.conftest import make_system
 
@@ -688,3 +691,36 @@ def test_silence_in_a_pipe(tmp_path):
     command = [sys.executable, "-m", "phcontrol.cli", "run", "position", *QUICK, "--out", str(tmp_path)]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
     assert result.stderr == ""
+
+
+def test_the_list_of_commands_says_what_each_says_itself():
+    for name, item in Commands.listed.items():
+        module, _, attribute = item.place.partition(":")
+        function = getattr(importlib.import_module(module), attribute)
+        said = function.info.help if isinstance(function, typer.Typer) else function.__doc__
+        assert said.splitlines()[0] == item.summary, name
+
+
+def test_help_loads_neither_pinocchio_nor_numpy():
+    code = (
+        "import sys; from phcontrol.cli import app; app(['--help'], standalone_mode=False); "
+        "print([m for m in ('numpy', 'pinocchio', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout.endswith("[]\n"), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["-h"], ["run", "-h"], ["run", "position", "-h"], ["view", "-h"]])
+def test_h_is_help(arguments):
+    short, long = run(*arguments), run(*arguments[:-1], "--help")
+    assert short.exit_code == 0
+    assert short.stdout == long.stdout
+
+
+def test_quiet_prints_nothing_but_errors(tmp_path):
+    done = run("run", "position", "-q", *QUICK, "--out", str(tmp_path))
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert (tmp_path / "certificate.json").exists()
+    refused = run("run", "position", "-q", "--robot", "nowhere")
+    assert refused.exit_code == 2
+    assert "nowhere" in refused.stderr

@@ -1,4 +1,4 @@
-"""The command line: ``phcontrol run``, ``view``, ``certify``, ``reproduce``, ``robots``, ``controllers``."""
+"""The command line; ``application`` lists its commands."""
 
 from phcontrol.cli.application import app, main
 

@@ -41,7 +41,10 @@ def certify(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Hold a law's promise against the arm's true motion, at states where laws go wrong. Exit code 1 if it fails."""
+    """Hold a law's promise against the arm's true motion, at states where laws go wrong.
+
+    Exit code 1 if it fails.
+    """
     laws = _laws(controller)
     known = _forms(laws)
     if interconnection != "all":

@@ -27,7 +27,10 @@ _OPTIONAL = {  # module: package, extra, what for
 
 
 def doctor(as_json: JsonOption = False) -> None:
-    """Say what is installed and found here: versions, compiled parts, compiler, cache; and what is missing for what."""
+    """Say what is installed and found here, and what is missing for what.
+
+    Versions, compiled parts, the C compiler and the cache of compiled laws.
+    """
     found, missing = examined()
     if as_json:
         typer.echo(json.dumps({"found": found, "missing": missing}, indent=2))

@@ -8,9 +8,7 @@ from typing import ParamSpec, TypeVar
 
 import typer
 
-from phcontrol.controllers.law_error import LawError
 from phcontrol.exceptions import PHControlError
-from phcontrol.simulation.simulation_error import SimulationInterrupted
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -20,7 +18,7 @@ DEBUG: list[str] = []
 
 
 def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Turn our own errors into one line on stderr and exit code 2, those of a user's own law 1; not with --debug."""
+    """Turn our own errors into one line on stderr and its exit code; not with --debug."""
 
     @functools.wraps(command)
     def wrapped(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -30,8 +28,7 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
             if DEBUG:
                 raise
             say_error(str(error))
-            code = 130 if isinstance(error, SimulationInterrupted) else 1 if isinstance(error, LawError) else 2
-            raise typer.Exit(code) from error
+            raise typer.Exit(error.exit_code) from error
 
     return wrapped
 

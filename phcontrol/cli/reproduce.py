@@ -19,7 +19,10 @@ def reproduce_command(
     fresh: Annotated[bool, typer.Option("--fresh", help="Run again what has been run.")] = False,
     jobs: Annotated[int | None, typer.Option(help="Processes at a time. Default: one a processor.")] = None,
 ) -> None:
-    """Reproduce the thesis: every study and certificate, into one page. Goes on where it was stopped."""
+    """Reproduce the thesis: every study and certificate, into one page.
+
+    Goes on where it was stopped.
+    """
     from phcontrol.thesis.reproduce import reproduce
 
     check_writable(out)

@@ -20,6 +20,8 @@ _ANSWERS = ("target", "storage", "shape", "states", "initial_state")  # what a l
 class LawError(PHControlError):
     """A law of one's own raised an error. Says what and, where it is known, where in its file."""
 
+    exit_code = 1
+
     def __init__(self, law: str, place: str, problem: BaseException) -> None:
         kind = "" if isinstance(problem, PHControlError) else f"{type(problem).__name__}: "
         text = problem.msg if isinstance(problem, SyntaxError) else str(problem)

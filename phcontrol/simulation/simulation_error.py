@@ -16,3 +16,5 @@ class SimulationError(PHControlError):
 
 class SimulationInterrupted(SimulationError, KeyboardInterrupt):  # noqa: N818 - it is no error
     """The user stopped a simulation. ``log`` holds everything up to that moment."""
+
+    exit_code = 130

@@ -1,0 +1,341 @@
+"""Energy-based control of robot arms, with a certificate for every controller."""
+
+# Every public name and where it lives; __init__.py loads each when it is first used.
+
+from .analysis.casimirs import CasimirCheck, casimirs
+from .analysis.certificate import Certificate
+from .analysis.certify import certify
+from .analysis.detectability import InvariantSet, invariant_set
+from .analysis.equilibrium import Equilibrium, equilibrium
+from .analysis.force_conditions import ForceConditions, force_control_conditions
+from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from .compilation.compiled_law import compile_law
+from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
+from .controllers.cartesian_impedance import CartesianImpedance
+from .controllers.cartesian_tracking import CartesianTracking
+from .controllers.classical_force import ClassicalForceControl
+from .controllers.classical_impedance import ClassicalImpedance
+from .controllers.command import Command
+from .controllers.controller import Controller
+from .controllers.energy_shaping import EnergyShaping
+from .controllers.event_schedule import EventSchedule, HandOver, Phase, Switch
+from .controllers.events import After, Event, Lost, Moment, Seen, Settled, Touched, When
+from .controllers.force_control import ForceControl
+from .controllers.force_feedback import ForceFeedback
+from .controllers.force_regulation import ForceRegulation
+from .controllers.hamiltonian_servo import HamiltonianServo
+from .controllers.impedance_grasping import ImpedanceGrasping, RestLengthPort
+from .controllers.integral_action import IntegralAction
+from .controllers.law_error import LawError
+from .controllers.parameters import Flag, Gain, Matrix, NonNegative, Parameter, Positive, PositiveVector, Vector
+from .controllers.passive_port import PassivePort
+from .controllers.reduction_servo import ReductionServo
+from .controllers.registry import CONTROLLERS, make_controller, register
+from .controllers.schedule import Schedule
+from .controllers.shaping import Shaping
+from .controllers.tanked_law import TankedLaw, with_tank
+from .controllers.target import Target
+from .controllers.total_force_rejection import TotalForceRejection
+from .controllers.trajectory_tracking import TrajectoryTracking
+from .controllers.virtual_position import VirtualPosition, virtual_position
+from .environments.body import Body
+from .environments.compliant_body import CompliantBody
+from .environments.contact_geometry import JointContact, SphereContact
+from .environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, Wrench
+from .environments.grasp_contact import GraspContact
+from .environments.rigid_body import RigidBody
+from .exceptions import (
+    DataFileError,
+    InvalidArgumentError,
+    MissingMeasurementError,
+    NonFiniteTorqueError,
+    ObjectLostError,
+    PHControlError,
+    RobotDescriptionError,
+    RobotDescriptionWarning,
+    UnknownNameError,
+)
+from .mechanics.friction import DeclaredFriction, StribeckFriction
+from .mechanics.loading import load_robot
+from .mechanics.matrix_damping import MatrixDamping
+from .mechanics.pose import Pose
+from .mechanics.potentials import GripperSpring
+from .mechanics.robot import Robot
+from .mechanics.state import MechanicalState
+from .mechanics.system import MechanicalSystem
+from .mechanics.transformations import (
+    CanonicalCheck,
+    PassivityCheck,
+    check_canonical_transformation,
+    check_transformed_passivity,
+)
+from .mechanics.transformed_system import TransformedSystem, transformed_system
+from .potentials.frame_spring import FrameSpring
+from .potentials.frame_wrench import FrameWrench
+from .potentials.holding import Holding
+from .potentials.joint_force import JointForce
+from .potentials.joint_spring import JointSpring
+from .potentials.point_force import PointForce
+from .potentials.position_potential import PositionPotential
+from .potentials.potential import Potential
+from .potentials.single_joint_spring import SingleJointSpring
+from .runtime.arm_driver import ArmDriver, Reading, drive
+from .runtime.camera_thread import CameraThread
+from .runtime.control_box import ControlBox
+from .runtime.control_loop import ControlLoop
+from .runtime.loop_camera import LoopCamera, SeenFrame
+from .runtime.loop_mode import LoopMode
+from .runtime.packet_faults import PacketFaults
+from .runtime.simulated_arm import SimulatedArm
+from .runtime.simulated_camera import SimulatedCamera
+from .runtime.udp_arm import UdpArm
+from .safety.filter_status import FilterStatus
+from .safety.limits import Limits
+from .safety.storage_condition import StorageCondition
+from .safety.torque_filter import FilteredTorque, TorqueFilter
+from .sensors.camera_sensor import CameraSensor
+from .sensors.force_sensor import ForceSensor
+from .sensors.measured import NOTHING, Measured
+from .sensors.momentum_observer import MomentumObserver
+from .setpoints.live_frame_path import LiveFramePath
+from .setpoints.live_trajectory import LiveTrajectory
+from .setpoints.live_value import LiveValue
+from .setpoints.setpoint import Setpoint
+from .simulation.closed_loop import simulate
+from .simulation.integrators import INTEGRATORS
+from .simulation.log import Log
+from .simulation.power_balance import PowerBalance
+from .simulation.simulation_error import SimulationError, SimulationInterrupted
+from .tanks.action import Action
+from .tanks.energy_tank import EnergyTank
+from .tanks.external_action import ExternalAction
+from .tanks.posture_action import PostureAction
+from .tanks.stiffness import Stiffness
+from .trajectories.figure_of_eight import FigureOfEight
+from .trajectories.files import read_frame_path
+from .trajectories.frame_arc import FrameArc
+from .trajectories.frame_line import FrameLine
+from .trajectories.frame_path import FramePath, FrameReference
+from .trajectories.frame_spline import FrameSpline
+from .trajectories.inverse_kinematics import Posture, UnreachableTargetError, follow, reach
+from .trajectories.limits import LimitReport, check_limits
+from .trajectories.minimum_jerk import MinimumJerk
+from .trajectories.path_limits import within_limits
+from .trajectories.resolved_motion import ResolvedMotion, resolved_motion
+from .trajectories.sampled_frame_path import SampledFramePath
+from .trajectories.sinusoid import Sinusoid
+from .trajectories.slowed_path import SlowedPath
+from .trajectories.splines import CubicSpline, QuinticSpline, SampledTrajectory
+from .trajectories.tracking_transformation import TrackingTransformation
+from .trajectories.trajectory import Reference, Trajectory
+from .vision.calibration_file import read_camera
+from .vision.extraction import ColourDetector, extract_features
+from .vision.feature_flow import FeatureFlow
+from .vision.goal_posture import goal_posture
+from .vision.hand_eye import HandEyeCalibration, calibrate_hand_eye
+from .vision.interaction import interaction_matrix
+from .vision.marker_detector import MarkerDetector
+from .vision.marker_print import MarkerPrint
+from .vision.observed_object import ObservedObject
+from .vision.pinhole_camera import PinholeCamera
+from .vision.rendered_view import RenderedView
+from .vision.rendering import Renderer
+from .visualization.live import LiveView
+from .visualization.recording import record
+
+__version__: str
+__all__ = [
+    "CONTROLLERS",
+    "INTEGRATORS",
+    "NOTHING",
+    "Action",
+    "After",
+    "ArmDriver",
+    "Body",
+    "CameraSensor",
+    "CameraThread",
+    "CanonicalCheck",
+    "CartesianImpedance",
+    "CartesianTracking",
+    "CasimirCheck",
+    "Certificate",
+    "ClassicalForceControl",
+    "ClassicalImpedance",
+    "ColourDetector",
+    "Command",
+    "CompilationError",
+    "CompilationWarning",
+    "CompliantBody",
+    "ControlBox",
+    "ControlLoop",
+    "Controller",
+    "CubicSpline",
+    "DataFileError",
+    "DeclaredFriction",
+    "Disturbance",
+    "EnergyShaping",
+    "EnergyTank",
+    "Equilibrium",
+    "Event",
+    "EventSchedule",
+    "ExternalAction",
+    "FeatureFlow",
+    "FigureOfEight",
+    "FilterStatus",
+    "FilteredTorque",
+    "Flag",
+    "ForceConditions",
+    "ForceControl",
+    "ForceFeedback",
+    "ForceRegulation",
+    "ForceSensor",
+    "FrameArc",
+    "FrameLine",
+    "FramePath",
+    "FrameReference",
+    "FrameSpline",
+    "FrameSpring",
+    "FrameWrench",
+    "Gain",
+    "GainBound",
+    "GraspContact",
+    "GripperSpring",
+    "HamiltonianServo",
+    "HandEyeCalibration",
+    "HandOver",
+    "Holding",
+    "ImpedanceGrasping",
+    "IntegralAction",
+    "InvalidArgumentError",
+    "InvariantSet",
+    "JointContact",
+    "JointForce",
+    "JointSpring",
+    "LawError",
+    "LimitReport",
+    "Limits",
+    "LiveFramePath",
+    "LiveTrajectory",
+    "LiveValue",
+    "LiveView",
+    "Log",
+    "LoopCamera",
+    "LoopMode",
+    "Lost",
+    "MarkerDetector",
+    "MarkerPrint",
+    "Matrix",
+    "MatrixDamping",
+    "Measured",
+    "MechanicalState",
+    "MechanicalSystem",
+    "MinimumJerk",
+    "MissingMeasurementError",
+    "Moment",
+    "MomentumObserver",
+    "NonFiniteTorqueError",
+    "NonNegative",
+    "NotTraceableError",
+    "ObjectLostError",
+    "ObservedObject",
+    "PHControlError",
+    "PacketFaults",
+    "Parameter",
+    "PassivePort",
+    "PassivityCheck",
+    "Phase",
+    "PinholeCamera",
+    "PointForce",
+    "Pose",
+    "PositionPotential",
+    "Positive",
+    "PositiveVector",
+    "Posture",
+    "PostureAction",
+    "Potential",
+    "PowerBalance",
+    "Pulse",
+    "QuinticSpline",
+    "Reading",
+    "ReductionServo",
+    "Reference",
+    "RenderedView",
+    "Renderer",
+    "ResolvedMotion",
+    "RestLengthPort",
+    "RigidBody",
+    "Robot",
+    "RobotDescriptionError",
+    "RobotDescriptionWarning",
+    "Sampled",
+    "SampledFramePath",
+    "SampledTrajectory",
+    "Schedule",
+    "Seen",
+    "SeenFrame",
+    "Setpoint",
+    "Settled",
+    "Shaping",
+    "SimulatedArm",
+    "SimulatedCamera",
+    "SimulationError",
+    "SimulationInterrupted",
+    "Sine",
+    "SingleJointSpring",
+    "Sinusoid",
+    "SlowedPath",
+    "SphereContact",
+    "Step",
+    "Stiffness",
+    "StorageCondition",
+    "StribeckFriction",
+    "Switch",
+    "TankedLaw",
+    "Target",
+    "TorqueFilter",
+    "TotalForceRejection",
+    "Touched",
+    "TrackingTransformation",
+    "Trajectory",
+    "TrajectoryTracking",
+    "TransformedSystem",
+    "UdpArm",
+    "UnknownNameError",
+    "UnreachableTargetError",
+    "Vector",
+    "VirtualPosition",
+    "When",
+    "Wrench",
+    "__version__",
+    "calibrate_hand_eye",
+    "casimirs",
+    "certify",
+    "check_canonical_transformation",
+    "check_limits",
+    "check_transformed_passivity",
+    "compile_law",
+    "damping_for_gain",
+    "drive",
+    "equilibrium",
+    "extract_features",
+    "follow",
+    "force_control_conditions",
+    "goal_posture",
+    "interaction_matrix",
+    "invariant_set",
+    "l2_gain",
+    "load_robot",
+    "make_controller",
+    "measured_l2_gain",
+    "reach",
+    "read_camera",
+    "read_frame_path",
+    "record",
+    "register",
+    "resolved_motion",
+    "simulate",
+    "transformed_system",
+    "virtual_position",
+    "with_tank",
+    "within_limits",
+]

@@ -1,0 +1,69 @@
+"""A function as a command of the command line."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import inspect
+import os
+from collections.abc import Callable
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from phcontrol.cli.errors import reports_errors
+
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+"""Of every command: -h is --help, and texts are as wide as the window, up to a line that is read well."""
+
+_QUIET = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors and warnings.")]
+
+
+def plain_app(help_text: str, **settings: Any) -> typer.Typer:
+    """Return an empty group of commands that looks as all do."""
+    return typer.Typer(
+        help=help_text,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings=SETTINGS,
+        **settings,
+    )
+
+
+def add_command(group: typer.Typer, name: str, function: Callable[..., None], **texts: Any) -> None:
+    """Add a function to a group: with -h, -q, and errors of one line."""
+    group.command(name, context_settings=SETTINGS, **texts)(reports_errors(_quiet(function)))
+
+
+def command_of(name: str, function: Callable[..., None] | typer.Typer) -> Any:
+    """Return a function, or a group, as a command that other groups can hold."""
+    if not isinstance(function, typer.Typer):
+        group = plain_app("", add_completion=False)
+        add_command(group, name, function)
+        return typer.main.get_command(group)
+    command = typer.main.get_command(function)
+    command.name = name
+    return command
+
+
+def _quiet(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the option -q."""
+    signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+
+    @functools.wraps(function)
+    def command(*, quiet: bool = False, **arguments: Any) -> None:
+        with contextlib.ExitStack() as stack:
+            if quiet:
+                nowhere = stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
+                stack.enter_context(contextlib.redirect_stdout(nowhere))
+            function(**arguments)
+
+    option = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_QUIET)
+    parameters = [
+        parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
+        for name, parameter in signature.parameters.items()
+    ]
+    command.__signature__ = signature.replace(parameters=[*parameters, option])  # type: ignore[attr-defined]
+    command.__annotations__ = {**{name: hints[name] for name in signature.parameters}, "quiet": _QUIET}
+    return command
