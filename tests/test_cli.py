@@ -628,6 +628,16 @@ def test_a_diverging_run_keeps_its_log(tmp_path, monkeypatch):
     assert not (tmp_path / "log.npz").exists()
 
 
+def test_a_step_that_is_too_long_is_told_with_one_that_is_not(tmp_path):
+    result = run("run", "position", "--robot", "ur5", "--dt", "0.2", "--duration", "3", "--out", str(tmp_path))
+    assert result.exit_code == 2
+    assert "the loop diverged" in result.stderr
+    longest = float(re.search(r"longest stable step here is about (\S+) s", result.stderr)[1])
+    assert longest < 0.2
+    arguments = ["--dt", f"{0.8 * longest:.4g}", "--duration", "3", "--samples", "3", "--out", str(tmp_path)]
+    assert run("run", "position", "--robot", "ur5", *arguments).exit_code == 0
+
+
 def test_a_run_is_recorded_as_a_page_and_a_log_again(tmp_path):
     page = tmp_path / "pages" / "run.html"
     result = run("run", "position", *QUICK, "--out", str(tmp_path), "--record", str(page))
@@ -724,3 +734,35 @@ def test_quiet_prints_nothing_but_errors(tmp_path):
     refused = run("run", "position", "-q", "--robot", "nowhere")
     assert refused.exit_code == 2
     assert "nowhere" in refused.stderr
+
+
+def test_an_option_given_twice_is_refused_unless_it_may_be_repeated():
+    twice = run("certify", "--robot", "pera", "--robot", "ur5")
+    assert twice.exit_code == 2
+    assert "'--robot': is given twice" in twice.stderr
+    locked = run("certify", "--robot", "pera", "--lock", "wrist_yaw", "--lock", "wrist_pitch", "--samples", "3", "-q")
+    assert locked.exit_code == 0, locked.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["position", *QUICK],
+        ["energy_shaping", *QUICK],
+        ["track", *QUICK],
+        ["servo", "--duration", "0.2", "--samples", "3"],
+        ["cartesian_impedance", "--duration", "0.05", "--samples", "3", "--set", "posture=none"],
+    ],
+    ids=" ".join,
+)
+def test_runs_print_json_and_take_a_seed(command, tmp_path):
+    done = run("run", *command, "--json", "--seed", "5", "--out", str(tmp_path))
+    content = json.loads(done.stdout)
+    assert content["certificate"]["seed"] == 5
+    assert content["certificate"] == json.loads((tmp_path / "certificate.json").read_text())
+    np.testing.assert_array_equal(content["final_position"], Log.load(tmp_path / "log.npz").position[-1])
+
+
+def test_a_study_prints_its_claims_as_json(tmp_path):
+    done = run("run", "fig-2-3", "--json", "--out", str(tmp_path))
+    assert json.loads(done.stdout) == json.loads((tmp_path / "claims.json").read_text())

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from phcontrol.cli.errors import reports_errors
+from phcontrol.cli.once_command import OnceCommand
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Of every command: -h is --help, and texts are as wide as the window, up to a line that is read well."""
@@ -33,7 +34,7 @@ def plain_app(help_text: str, **settings: Any) -> typer.Typer:
 
 def add_command(group: typer.Typer, name: str, function: Callable[..., None], **texts: Any) -> None:
     """Add a function to a group: with -h, -q, and errors of one line."""
-    group.command(name, context_settings=SETTINGS, **texts)(reports_errors(_quiet(function)))
+    group.command(name, cls=OnceCommand, context_settings=SETTINGS, **texts)(reports_errors(_quiet(function)))
 
 
 def command_of(name: str, function: Callable[..., None] | typer.Typer) -> Any:

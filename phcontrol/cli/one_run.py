@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,10 +33,11 @@ def run_and_write(
     with watching(showing) as watch:
         with errors_of(controller, law):
             result = _run(study, system, folder, watch=watch, controller=controller, **arguments)
-            summary = result.summary()
+            summary = json.dumps(result.to_dict(), indent=2) if showing.as_json else result.summary()
         typer.echo(summary)
-        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(folder)))
-        record_logs({"": result.log}, showing.record)
+        written = result.write(folder)
+        typer.echo("\nwrote " + ", ".join(map(str, written)), err=showing.as_json)
+        record_logs({"": result.log}, showing.record, err=showing.as_json)
         if watch is not None:
             watch.linger(result.log)
     if result.certificate.error:
@@ -52,5 +54,6 @@ def _run(study: Callable[..., PositionRun], system: MechanicalSystem, folder: Pa
         return study(system, **arguments)
     except SimulationError as error:
         if len(error.log):
-            typer.echo(f"kept the log so far in {error.log.save(folder / 'log-stopped.npz')}", err=True)
+            place = error.log.save(folder / "log-stopped.npz", at_once=True)
+            typer.echo(f"kept the log so far, without energies, in {place}", err=True)
         raise

@@ -40,6 +40,7 @@ PeriodOption = Annotated[
 ]
 DurationOption = Annotated[float, typer.Option(help="Simulated time [s].")]
 SamplesOption = Annotated[int, typer.Option(help="States at which the law is certified.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of the states at which the law is certified.")]
 OutOption = Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")]
 OptionalOutOption = Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]

@@ -15,6 +15,7 @@ from phcontrol.cli.options import (
     DurationOption,
     FormOption,
     IntegratorOption,
+    JsonOption,
     LockOption,
     OptionalOutOption,
     PeriodOption,
@@ -22,6 +23,7 @@ from phcontrol.cli.options import (
     RecordOption,
     RobotOption,
     SamplesOption,
+    SeedOption,
     SetOption,
     StepOption,
     ViewOption,
@@ -59,12 +61,14 @@ def impedance(
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
         system_of(robot, lock, armature),
         Path("results") / controller if out is None else out,
-        Showing(view, record, port),
+        Showing(view, record, port, as_json),
         controller=controller,
         study=run_cartesian,
         stiffness=None if stiffness is None else numbers_of("--stiffness", stiffness),
@@ -73,6 +77,7 @@ def impedance(
         interconnection=interconnection,
         duration=duration,
         samples=samples,
+        seed=seed,
         options=settings_of(settings, "stiffness", "frame", "interconnection"),
         dt=dt,
         integrator=integrator,
@@ -105,12 +110,14 @@ def tracking(
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
         system_of(robot, lock, armature),
         Path("results") / controller if out is None else out,
-        Showing(view, record, port),
+        Showing(view, record, port, as_json),
         controller=controller,
         study=run_cartesian,
         path=path,
@@ -120,6 +127,7 @@ def tracking(
         interconnection=interconnection,
         duration=duration,
         samples=samples,
+        seed=seed,
         options=settings_of(settings, "stiffness", "frame", "interconnection", "path"),
         dt=dt,
         control_period=control_period,

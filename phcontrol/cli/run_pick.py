@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from phcontrol.analysis.certify import SAMPLES
-from phcontrol.cli.options import PortOption, RecordOption, ViewOption
+from phcontrol.cli.options import JsonOption, PortOption, RecordOption, ViewOption
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
 from phcontrol.runs.pick import DURATION, run_pick
 from phcontrol.runs.pick_scene import FEATURES
@@ -29,10 +30,11 @@ def pick(
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """See an object, reach it, grasp it: camera to force in one chain. Exit code 1 unless all are in view and held."""
     check_writable(out, record)
-    with watching(Showing(view, record, port)) as watch:
+    with watching(Showing(view, record, port, as_json)) as watch:
         result = run_pick(
             objects=objects,
             seed=seed,
@@ -42,9 +44,9 @@ def pick(
             samples=samples,
             watch=watch,
         )
-        typer.echo(result.summary())
-        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)))
-        record_logs({"": result.log}, record)
+        typer.echo(json.dumps(result.to_dict(), indent=2) if as_json else result.summary())
+        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)), err=as_json)
+        record_logs({"": result.log}, record, err=as_json)
         if watch is not None:
             watch.linger(result.log)
     if not result.passed:

@@ -17,6 +17,7 @@ from phcontrol.cli.options import (
     FormOption,
     FrameOption,
     IntegratorOption,
+    JsonOption,
     LockOption,
     OptionalOutOption,
     PeriodOption,
@@ -25,6 +26,7 @@ from phcontrol.cli.options import (
     RecordOption,
     RobotOption,
     SamplesOption,
+    SeedOption,
     SetOption,
     StepOption,
     ViewOption,
@@ -60,6 +62,8 @@ def position(
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
 ) -> None:
     """Lead an arm from its home to a posture within its velocity limits, and certify the law that does it."""
     system = system_of(robot, lock, armature)
@@ -68,12 +72,13 @@ def position(
     run_and_write(
         system,
         Path("results/position") if out is None else out,
-        Showing(view, record, port),
+        Showing(view, record, port, as_json),
         controller=controller,
         goal=goal_of(system, goal, reach, frame),
         duration=duration,
         interconnection=interconnection,
         samples=samples,
+        seed=seed,
         options=settings_of(settings, "goal", "interconnection"),
         dt=dt,
         integrator=integrator,

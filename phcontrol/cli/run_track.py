@@ -15,6 +15,7 @@ from phcontrol.cli.options import (
     ArmatureOption,
     DurationOption,
     FrameOption,
+    JsonOption,
     LockOption,
     OutOption,
     PortOption,
@@ -22,6 +23,7 @@ from phcontrol.cli.options import (
     RecordOption,
     RobotOption,
     SamplesOption,
+    SeedOption,
     SetOption,
     StepOption,
     ViewOption,
@@ -72,6 +74,8 @@ def track(
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
 ) -> None:
     """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
     system = system_of(robot, lock, armature)
@@ -81,12 +85,13 @@ def track(
     run_and_write(
         system,
         out,
-        Showing(view, record, port),
+        Showing(view, record, port, as_json),
         controller="tracking" if knowledge == "none" else "tracking_measured",
         goal=posture,
         duration=duration,
         interconnection=interconnection,
         samples=samples,
+        seed=seed,
         options={"trajectory": _trajectory(trajectory, system, posture, speed), "hold": control_period or 0.0}
         | settings_of(settings, "goal", "interconnection"),
         dt=dt,

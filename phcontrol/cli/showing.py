@@ -24,6 +24,7 @@ class Showing(NamedTuple):
     view: bool = False
     record: Path | None = None
     port: int | None = None
+    as_json: bool = False
 
 
 @contextmanager
@@ -45,7 +46,7 @@ def check_port_is_used(port: int | None) -> None:
         raise InvalidArgumentError("--port", "is the port of --view, which is not given")
 
 
-def record_logs(logs: Mapping[str, Log], path: Path | None) -> None:
+def record_logs(logs: Mapping[str, Log], path: Path | None, err: bool = False) -> None:
     """Write a page for each log; with several, the log's name is added to the file's."""
     if path is None:
         return
@@ -53,7 +54,7 @@ def record_logs(logs: Mapping[str, Log], path: Path | None) -> None:
 
     for name, log in logs.items():
         target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
-        typer.echo(f"recorded {record(log, target)}")
+        typer.echo(f"recorded {record(log, target)}", err=err)
 
 
 def show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:

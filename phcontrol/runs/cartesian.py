@@ -77,6 +77,7 @@ def run_cartesian(
     duration: float = 5.0,
     interconnection: str = "coriolis",
     samples: int = SAMPLES,
+    seed: int = 0,
     options: dict[str, Any] | None = None,
     dt: float | None = None,
     integrator: str = "rk4",
@@ -96,6 +97,7 @@ def run_cartesian(
         duration: [s].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
+        seed: of these states.
         options: gains of the law, replacing the defaults.
         dt: step of the integrator [s]; by default as ``stable_step`` says.
         integrator: as in ``simulate``.
@@ -139,7 +141,13 @@ def run_cartesian(
     rest = law.rest_posture(float(log.time[-1]))
     errors = _hand_errors(law, log)
     return CartesianRun(
-        log, certify(law, system, samples=samples), rest, wall_time, system.robot, frame=hand, hand_errors=errors
+        log,
+        certify(law, system, samples=samples, seed=seed),
+        rest,
+        wall_time,
+        system.robot,
+        frame=hand,
+        hand_errors=errors,
     )
 
 

@@ -149,16 +149,22 @@ class PickRun:
         from phcontrol.visualization.plots import save_figure
 
         folder = Path(directory)
-        records = [
+        content = self.to_dict()
+        return [
+            self.log.save(folder / "log.npz"),
+            write_json(folder / "picks.json", content["picks"]),
+            write_json(folder / "certificates.json", content["certificates"]),
+            save_figure(self.figure(), folder / "pick.png"),
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all picks and certificates, for JSON."""
+        picks = [
             pick.__dict__ | {"switches": [switch._asdict() for switch in pick.switches], "held": pick.held}
             for pick in self.picks
         ]
-        return [
-            self.log.save(folder / "log.npz"),
-            write_json(folder / "picks.json", json.loads(json.dumps(records))),
-            write_json(folder / "certificates.json", [each.to_dict() for each in self.certificates]),
-            save_figure(self.figure(), folder / "pick.png"),
-        ]
+        certificates = [each.to_dict() for each in self.certificates]
+        return {"passed": self.passed, "picks": json.loads(json.dumps(picks)), "certificates": certificates}
 
     def figure(self) -> Figure:
         """Return a picture of all picks: features, grip point's distance, gripper, force."""

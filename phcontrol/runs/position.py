@@ -25,6 +25,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.simulation_error import SimulationError
 from phcontrol.trajectories.limits import LimitReport, check_limits, check_samples
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 
@@ -144,6 +145,28 @@ class PositionRun:
             ]
         )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``summary`` says, for JSON."""
+        log = self.log
+        return {
+            "controller": log.metadata["controller"],
+            "interconnection": log.metadata["interconnection"],
+            "robot": self.robot.name,
+            "joints": list(self.robot.joint_names),
+            "duration": float(log.time[-1]),
+            "step": log.metadata["dt"],
+            "final_position": log.position[-1].tolist(),
+            "final_error": self.final_error,
+            "overshoot": self.overshoot,
+            "storage": [float(log.storage[0]), float(log.storage[-1])],
+            "largest_storage_step": self.largest_storage_step,
+            "power_imbalance": log.power_balance("plant").largest_residual,
+            "largest_speed": self.largest_speed,
+            "departures": self.departures,
+            "real_time_factor": self.real_time_factor,
+            "certificate": self.certificate.to_dict(),
+        }
+
     picture = "position.png"
 
     def write(self, directory: str | os.PathLike[str]) -> list[Path]:
@@ -183,29 +206,37 @@ def reachable_goal(robot: Robot) -> Array:
 def stable_step(law: Controller, posture: Array, integrator: str = "rk4", control_period: float | None = None) -> float:
     """Return the step of an integrator [s]: 1 ms, or less where friction and damping at rest would make that unstable.
 
-    The fastest rate is the largest eigenvalue of M⁻¹(D + G C Gᵀ) at home and at the posture; half of what the
-    integrator bears is used. Raises InvalidArgumentError where that is less than 0.1 ms: such an arm has dry friction
-    on joints without the rotors that go with it.
+    Half of what the integrator bears is used (``longest_stable_step``). Raises InvalidArgumentError where that is less
+    than 0.1 ms: such an arm has dry friction on joints without the rotors that go with it.
     """
-    system, rate, slowest = law.system, 0.0, ""
-    damping = getattr(law, "damping", None)
-    for position in (system.robot.home, posture):
-        x = system.at(position)
-        injected = 0.0 if damping is None else x.input_matrix @ damping @ x.input_matrix.T
-        rates, directions = eigh(x.damping_matrix + injected, x.mass_matrix)
-        if rates[-1] > rate:
-            rate, slowest = float(rates[-1]), system.robot.joint_names[int(np.abs(directions[:, -1]).argmax())]
-    longest = 0.5 * INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].stability / max(rate, 1e-9)
+    borne, joint = longest_stable_step(law, posture, integrator)
+    longest = 0.5 * borne
     if longest < SHORTEST_STEP:
         raise InvalidArgumentError(
             "dt",
-            f"friction brakes joint '{slowest}' of {system.robot.name} at {rate:.2g} 1/s, which needs steps of "
+            f"friction brakes joint '{joint}' of {law.system.robot.name} so hard that it needs steps of "
             f"{longest:.1g} s: its description has friction but no rotor inertia; give one (an armature of 0.05, for "
             "instance), lock that joint, set dt yourself, or integrate with implicit_midpoint",
         )
     period = LONGEST_STEP if control_period is None else positive("control_period", control_period)
     step = min(LONGEST_STEP, longest)
     return period / max(1, math.ceil(period / step - 1e-9))
+
+
+def longest_stable_step(law: Controller, posture: Array, integrator: str = "rk4") -> tuple[float, str]:
+    """Return the longest step with which an integrator damps what is damped fastest [s], and the joint that is.
+
+    The fastest rate is the largest eigenvalue of M⁻¹(D + G C Gᵀ) at home and at the posture.
+    """
+    system, rate, fastest = law.system, 0.0, ""
+    damping = getattr(law, "damping", None)
+    for position in (system.robot.home, posture):
+        x = system.at(position)
+        injected = 0.0 if damping is None else x.input_matrix @ damping @ x.input_matrix.T
+        rates, directions = eigh(x.damping_matrix + injected, x.mass_matrix)
+        if rates[-1] > rate:
+            rate, fastest = float(rates[-1]), system.robot.joint_names[int(np.abs(directions[:, -1]).argmax())]
+    return INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].stability / max(rate, 1e-9), fastest
 
 
 def run_position(
@@ -216,6 +247,7 @@ def run_position(
     duration: float = 10.0,
     interconnection: str = "coriolis",
     samples: int = SAMPLES,
+    seed: int = 0,
     options: dict[str, Any] | None = None,
     dt: float | None = None,
     integrator: str = "rk4",
@@ -234,6 +266,7 @@ def run_position(
         duration: [s].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
+        seed: of these states.
         options: gains and references of the law, replacing the defaults.
         dt: step of the integrator [s]; by default 1 ms, or less where the friction asks for it (``stable_step``).
         integrator: as in ``simulate``.
@@ -251,12 +284,18 @@ def run_position(
         start = system.robot.position(simulation.get("q0", system.robot.home), "q0")
         chosen["reference"] = MinimumJerk.within_limits(system.robot, start, posture)
     law: Controller = make_controller(controller, system, posture, interconnection=interconnection, **chosen)
-    dt = stable_step(law, posture, integrator, control_period) if dt is None else dt
+    given, dt = dt, stable_step(law, posture, integrator, control_period) if dt is None else dt
     simulation |= {"dt": dt, "integrator": integrator, "control_period": control_period}
     begun = time.perf_counter()
-    log = simulate(system, law, duration=duration, **simulation)
+    try:
+        log = simulate(system, law, duration=duration, **simulation)
+    except SimulationError as error:
+        longest = longest_stable_step(law, posture, integrator)[0]
+        if given is None or given <= longest:
+            raise
+        raise type(error)(f"{error}. The longest stable step here is about {longest:.2g} s", error.log) from error
     wall_time = time.perf_counter() - begun
-    certificate, trajectory = certify(law.unheld, system, samples=samples), law.led_along
+    certificate, trajectory = certify(law.unheld, system, samples=samples, seed=seed), law.led_along
     if trajectory is None:
         return PositionRun(log, certificate, posture, wall_time, system.robot)
     desired = np.array([trajectory.at(float(t)).position for t in log.time])

@@ -58,6 +58,7 @@ def run_servo(
     goal: ArrayLike = FEATURE_GOAL,
     interconnection: str = "coriolis",
     samples: int = SAMPLES,
+    seed: int = 0,
     camera_rate: float | None = None,
     options: dict[str, Any] | None = None,
     **simulation: Any,
@@ -73,6 +74,7 @@ def run_servo(
         goal: τ_d [m].
         interconnection: "coriolis" or "canonical".
         samples: states at which the law is certified.
+        seed: of these states.
         camera_rate: frames in a second [Hz], each one frame late, with features predicted in between; None for
             features at every instant.
         options: gains of the law, replacing the defaults.
@@ -99,5 +101,9 @@ def run_servo(
     log = simulate(system, law, scene=scene, sensors=sensors, **simulation)
     wall_time = time.perf_counter() - begun
     return ServoRun(
-        log, certify(law, system, samples=samples, log=log), law.check_goal(system, goal), wall_time, system.robot
+        log,
+        certify(law, system, samples=samples, seed=seed, log=log),
+        law.check_goal(system, goal),
+        wall_time,
+        system.robot,
     )

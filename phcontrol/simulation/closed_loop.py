@@ -39,6 +39,8 @@ from phcontrol.vision.scene import Scene
 if TYPE_CHECKING:
     from phcontrol.compilation.compiled_loop import CompiledLoop
 
+_DIVERGED = 1e9  # no arm gets there, nor a law's state; where numbers overflow is no news
+
 
 def simulate(
     system: MechanicalSystem,
@@ -207,8 +209,8 @@ def simulate(
                 if k == steps:
                     break
                 y = step(loop.during(held), t, y, dt, found.rate)
-                if not math.isfinite(y.dot(y)):
-                    raise PHControlError("the state is no longer finite: the loop diverged")
+                if not y.dot(y) < _DIVERGED**2:  # not a number, too
+                    raise PHControlError(f"the loop diverged: a state beyond {_DIVERGED:.0e}")
     except SimulationError:
         raise
     except PHControlError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -389,8 +390,14 @@ class Log:
 
     # --- files --------------------------------------------------------------------------------------
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
+    def save(self, path: str | os.PathLike[str], *, at_once: bool = False) -> Path:
         """Write the log with its energies to an ``.npz`` file, atomically, with a hash over all of it.
+
+        Args:
+            path: of the file.
+            at_once: leave out what takes time: energies and all else that follows from the samples are NaN in the
+                file, its metadata says so (``"derived": False``), and nothing is compressed. What was interrupted is
+                written so.
 
         Raises DataFileError when it cannot be written, or holds no sample.
         """
@@ -402,7 +409,11 @@ class Log:
             if limit is not None:
                 metadata["torque_limit"] = [value if np.isfinite(value) else 1e300 for value in limit.tolist()]
             metadata["plant"] = plant_record(self._loop.plant)
-        return write_log(path, self._data | self._derived(), metadata)
+        if not at_once:
+            return write_log(path, self._data | self._derived(), metadata)
+        first = derive(itertools.islice(self._samples(), 1), [name for name in DERIVED if name not in OPTIONAL])
+        blank = {name: np.full((len(self), *row.shape[1:]), np.nan) for name, row in first.items()}
+        return write_log(path, self._data | blank, metadata | {"derived": False}, compress=False)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, largest: int = LARGEST) -> Log:

@@ -42,13 +42,16 @@ _COUNTED = {"contact_forces": "bodies", "contact_depths": "bodies", "wrench_forc
 _METADATA, _HASH = "metadata", "sha256"
 
 
-def write_log(path: str | os.PathLike[str], arrays: Mapping[str, Array], metadata: Mapping[str, Any]) -> Path:
+def write_log(
+    path: str | os.PathLike[str], arrays: Mapping[str, Array], metadata: Mapping[str, Any], compress: bool = True
+) -> Path:
     """Write arrays and metadata with their hash, atomically. Raises DataFileError."""
     text = json.dumps(dict(metadata) | {"format": FORMAT}).encode()
     content = {name: np.ascontiguousarray(array, dtype="<f8") for name, array in arrays.items()}
     content[_HASH] = np.frombuffer(_hash(content, text), dtype=np.uint8)
     content[_METADATA] = np.frombuffer(text, dtype=np.uint8)
-    return write_atomically(path, lambda file: np.savez_compressed(file, **content))  # type: ignore[arg-type]
+    save = np.savez_compressed if compress else np.savez
+    return write_atomically(path, lambda file: save(file, **content))  # type: ignore[arg-type]
 
 
 def read_log(path: str | os.PathLike[str], largest: int = LARGEST) -> tuple[dict[str, Array], dict[str, Any]]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from phcontrol._files import write_json
 from phcontrol.simulation.log import Log
@@ -41,10 +41,13 @@ class Outcome:
         folder = Path(directory)
         paths = [log.save(folder / f"{name}.npz") for name, log in self.logs.items()]
         paths += [save_figure(draw(), folder / f"{name}.png") for name, draw in self.figures.items()]
-        content = {
+        return [*paths, write_json(folder / "claims.json", self.to_dict())]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return title, notes and claims, for JSON."""
+        return {
             "study": self.name,
             "title": self.title,
             "notes": list(self.notes),
             "claims": [claim.to_dict() for claim in self.claims],
         }
-        return [*paths, write_json(folder / "claims.json", content)]

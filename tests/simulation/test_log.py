@@ -404,3 +404,14 @@ def test_each_quantity_costs_what_it_needs_and_once(monkeypatch):
     for k, name in ((5, "storage"), (5, "supplied_power"), (5, "kinetic_energy"), (5, "force_output")):
         np.testing.assert_array_equal(other.row(k)[name], log.row(k)[name])
         np.testing.assert_array_equal(other.derive(k)[name], log.row(k)[name])
+
+
+def test_what_is_written_at_once_holds_the_run_and_says_what_it_lacks(tmp_path):
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    log = run(system, make_controller("energy_shaping", system), duration=0.1)
+    read = Log.load(log.save(tmp_path / "part.npz", at_once=True))
+    np.testing.assert_array_equal(read.position, log.position)
+    np.testing.assert_array_equal(read.controller_state, log.controller_state)
+    assert read.metadata["derived"] is False
+    assert np.isnan(read.storage).all()
+    assert "derived" not in Log.load(log.save(tmp_path / "whole.npz")).metadata
