@@ -157,7 +157,6 @@ class PositionRun:
             "step": log.metadata["dt"],
             "final_position": log.position[-1].tolist(),
             "final_error": self.final_error,
-            "overshoot": self.overshoot,
             "storage": [float(log.storage[0]), float(log.storage[-1])],
             "largest_storage_step": self.largest_storage_step,
             "power_imbalance": log.power_balance("plant").largest_residual,
