@@ -6,20 +6,30 @@ import html
 import re
 from typing import Any
 
+import typer
 from latex2mathml.converter import convert
 
 import phcontrol
 from phcontrol.analysis.advice import ADVICE
+from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
 
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
 ROLE = re.compile(r":(?:class|func|meth):<code>(?P<name>[\w.]+)</code>")
+CARTESIAN = ("cartesian_impedance", "cartesian_tracking")
 NAMES = re.compile(r"\{\{ names of (?P<folder>\w+) \}\}")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace ``{{ names of FOLDER }}`` by the documentation of every public name that is defined there, and tables."""
-    markdown = markdown.replace("{{ table of laws }}", laws_table()).replace("{{ table of advice }}", advice_table())
+    made = {
+        "{{ table of laws }}": laws_table,
+        "{{ table of advice }}": advice_table,
+        "{{ command line }}": command_line,
+    }
+    for mark, make in made.items():
+        if mark in markdown:
+            markdown = markdown.replace(mark, make())
     return NAMES.sub(_names, markdown)
 
 
@@ -41,6 +51,21 @@ def advice_table() -> str:
     """Return what each failed line of a certificate means as a table."""
     rows = [f"| {name} | {text} |" for name, text in ADVICE.items()]
     return "\n".join(["| line | means |", "|---|---|", *rows])
+
+
+def command_line() -> str:
+    """Return the help of every command, made from the commands themselves."""
+    commands = typer.main.get_command(app).commands
+    runs = commands["run"].commands
+    pages = [_help("phcontrol", typer.main.get_command(app))]
+    pages += [_help(f"phcontrol {name}", command) for name, command in commands.items()]
+    shown = [name for name in runs if name in ("position", "track", "servo", "pick", *CARTESIAN)]
+    return "\n\n".join([*pages, *(_help(f"phcontrol run {name}", runs[name]) for name in shown)])
+
+
+def _help(name: str, command: Any) -> str:
+    context = command.context_class(command, info_name=name, **command.context_settings | {"terminal_width": 100})
+    return f"## `{name}`\n\n```text\n{command.get_help(context)}\n```"
 
 
 def _names(match: re.Match[str]) -> str:
