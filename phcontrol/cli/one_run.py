@@ -37,7 +37,7 @@ def run_and_write(
         typer.echo(summary)
         written = result.write(folder)
         typer.echo("\nwrote " + ", ".join(map(str, written)), err=showing.as_json)
-        record_logs({"": result.log}, showing.record, err=showing.as_json)
+        record_logs({"": result.log}, showing.record, err=showing.as_json, certificate=result.certificate)
         if watch is not None:
             watch.linger(result.log)
     if result.certificate.error:

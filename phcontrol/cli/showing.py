@@ -15,6 +15,7 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 
 if TYPE_CHECKING:
+    from phcontrol.analysis.certificate import Certificate
     from phcontrol.visualization.live import LiveView
 
 
@@ -46,7 +47,9 @@ def check_port_is_used(port: int | None) -> None:
         raise InvalidArgumentError("--port", "is the port of --view, which is not given")
 
 
-def record_logs(logs: Mapping[str, Log], path: Path | None, err: bool = False) -> None:
+def record_logs(
+    logs: Mapping[str, Log], path: Path | None, err: bool = False, certificate: Certificate | None = None
+) -> None:
     """Write a page for each log; with several, the log's name is added to the file's."""
     if path is None:
         return
@@ -54,7 +57,7 @@ def record_logs(logs: Mapping[str, Log], path: Path | None, err: bool = False) -
 
     for name, log in logs.items():
         target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
-        typer.echo(f"recorded {record(log, target)}", err=err)
+        typer.echo(f"recorded {record(log, target, certificate=certificate)}", err=err)
 
 
 def show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:

@@ -339,9 +339,9 @@ class Log:
         return self._arm
 
     def row(self, k: int) -> dict[str, Any]:
-        """Return energies, powers, contact forces and goal at sample k."""
+        """Return energies, powers, contact forces and goal at sample k, and velocities, torques and forces."""
         row = {name: array[k] for name, array in self._derived().items()}
-        return row | ({"features": self.features[k]} if "features" in self._data else {})
+        return row | self._recorded(k)
 
     def derive(self, k: int) -> dict[str, Any]:
         """Compute what ``row`` returns at one sample alone, of a run that is still going on.
@@ -352,7 +352,12 @@ class Log:
         sample = Sample(self._data, k, loop.plant, loop)
         row = {name: quantity.compute(sample) for name, quantity in DERIVED.items()}
         row = {name: value for name, value in row.items() if value is not None}
-        return row | ({"features": self.features[k]} if "features" in self._data else {})
+        return row | self._recorded(k)
+
+    def _recorded(self, k: int) -> dict[str, Any]:
+        """Return what a viewer wants of the samples themselves."""
+        names = ("velocity", "torque", "external_force", *(["features"] if "features" in self._data else []))
+        return {name: self._data[name][k] for name in names}
 
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.

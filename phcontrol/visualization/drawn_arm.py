@@ -8,11 +8,14 @@ import pinocchio as pin
 from phcontrol._validation import Array
 from phcontrol.exceptions import UnknownNameError
 from phcontrol.mechanics.robot import Robot
-from phcontrol.visualization.shapes import Shape, robot_shapes
+from phcontrol.visualization.shapes import Shape, robot_shapes, tinted
+
+GHOST_LINK = (0.45, 0.47, 0.50, 0.55)
+"""The colour of a link that its description gives no shape."""
 
 
 class DrawnArm:
-    """The links of an arm with what is drawn of each; lines from joint to joint for an arm without shapes.
+    """The links of an arm with what is drawn of each; lines from joint to joint where a link has no shapes.
 
     Args:
         robot: the arm.
@@ -28,8 +31,11 @@ class DrawnArm:
             if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
         }
         shapes, self.notes = robot_shapes(robot, confined=confined)
-        if not any(shapes.values()):
-            shapes = self._skeleton()
+        skeleton = self._skeleton()
+        drawn = any(shapes.values())
+        for name, lines in skeleton.items():
+            if not drawn or (not shapes.get(name) and len(lines) > 1):  # between links that are drawn, a ghost
+                shapes[name] = tinted(lines, GHOST_LINK) if drawn else lines
         self.link_shapes = {name: entries for name, entries in shapes.items() if entries and name in self.links}
 
     def checked_frame(self, name: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from phcontrol._files import write_text
 from phcontrol._validation import Array, positive
+from phcontrol.analysis.certificate import Certificate
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.page import page
@@ -18,24 +19,39 @@ LARGEST = 6000
 """Frames at most: a longer run has fewer a second."""
 
 
-def record(log: Log, path: str | os.PathLike[str], *, robot: Robot | None = None, rate: float = 30.0) -> Path:
-    """Write a page that plays a run in a browser, without a network: play, pause, scrub, speed.
+def record(
+    log: Log,
+    path: str | os.PathLike[str],
+    *,
+    robot: Robot | None = None,
+    rate: float = 30.0,
+    certificate: Certificate | None = None,
+) -> Path:
+    """Write a page that plays a run in a browser, without a network: the arm, and any signal of the log over time.
 
     Args:
         log: the run, of ``simulate`` or of ``Log.load``.
         path: of the HTML file, written atomically.
         robot: the arm, where the log does not hold its description.
         rate: frames a second [Hz]; between them the page interpolates.
+        certificate: of the law, shown as a badge.
 
     Raises DataFileError when the file cannot be written.
     """
-    return write_text(path, recorded_page(log, robot=robot, rate=rate))
+    return write_text(path, recorded_page(log, robot=robot, rate=rate, certificate=certificate))
 
 
-def recorded_page(log: Log, *, robot: Robot | None = None, rate: float = 30.0, script: str | None = None) -> str:
+def recorded_page(
+    log: Log,
+    *,
+    robot: Robot | None = None,
+    rate: float = 30.0,
+    script: str | None = None,
+    certificate: Certificate | None = None,
+) -> str:
     """Return that page as text; with the address of MeshCat's ``script``, that is not part of it."""
     stage = Stage.of(log, robot)
-    return page(stage, frames_of(log, stage, positive("rate", rate)), script=script)
+    return page(stage, frames_of(log, stage, positive("rate", rate)), script=script, certificate=certificate)
 
 
 def frames_of(log: Log, stage: Stage, rate: float) -> Array:

@@ -15,7 +15,8 @@ from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.drawn_arm import DrawnArm
 from phcontrol.visualization.recorded_robot import recorded_robot
-from phcontrol.visualization.shapes import Arrow, Node, Shape, pose_of, tinted
+from phcontrol.visualization.shapes import Arrow, Node, Shape, axes, pose_of, tinted
+from phcontrol.visualization.signals import ENERGIES, HAND, TANK, Signal, contact_signal, joint_signals, joint_values
 from phcontrol.visualization.touched_bodies import JointBody, SphereBody, TouchedBody
 
 GHOST = (0.0, 0.45, 0.70, 0.22)
@@ -24,22 +25,12 @@ OBJECT = (0.10, 0.60, 0.35, 1.0)
 FRUSTUM = 0.12
 """How far in front of the camera its frustum is cut off [m]."""
 
-VALUES: tuple[dict[str, Any], ...] = (
-    {"name": "H", "label": "energy H of the arm", "unit": "J", "chart": 0, "color": "#d55e00", "floats": True},
-    {"name": "H_d", "label": "storage function H_d", "unit": "J", "chart": 1, "color": "#0072b2"},
-    {"name": "dissipated", "label": "dissipated by the loop", "unit": "W", "chart": 2, "color": "#009e73"},
-    {"name": "supplied", "label": "supplied from outside", "unit": "W", "chart": 2, "color": "#cc79a7"},
-    {"name": "motors", "label": "given by the motors", "unit": "W", "chart": 2, "color": "#7f7f7f"},
-)
-TANK_VALUE = {"name": "tank", "label": "energy in the tank", "unit": "J", "chart": 1, "color": "#e69f00"}
-CONTACT_VALUE = {"name": "contact", "label": "contact force", "unit": "N", "chart": 3, "color": "#b01515"}
-
 
 class Stage:
     """Everything drawn of a run, and :meth:`frame`, which says where it is at one sample.
 
     A frame is one row of numbers: time, seven for the pose of each node (position and quaternion x, y, z, w),
-    six for each arrow (origin and vector), one for each value, the position of the point that leaves a trail, and
+    six for each arrow (origin and vector), one for each signal, the position of the point that leaves a trail, and
     where a camera is, the features (μ, ν, l) that it shows.
 
     Args:
@@ -77,6 +68,7 @@ class Stage:
         moving = [link for link in shapes if robot.model.frames[self.arm.links[link]].parentJoint > 0]
         self._ghosts = moving if goal else []
         self.nodes += [Node(f"goal/{link}", tinted(shapes[link], GHOST)) for link in self._ghosts]
+        self.nodes += [Node(f"frames/{name}", axes()) for name in ("hand", *(["goal"] if goal else []))]
         self.arrows: list[Arrow] = []
         self._contacts: list[TouchedBody] = []
         for number, record in enumerate(bodies):
@@ -89,11 +81,11 @@ class Stage:
         self._wrench_frames = tuple(self.arm.checked_frame(frame) for frame in wrench_frames)
         self.arrows += [Arrow(f"external force at {frame}", "N") for frame in wrench_frames]
         joints_only = bool(self._contacts) and all(isinstance(contact, JointBody) for contact in self._contacts)
-        self.values = [dict(value) for value in VALUES]
-        if tank:
-            self.values.append(dict(TANK_VALUE))
+        self._tank, self._goal, self._touches = tank, goal, bool(bodies)
+        self.signals: list[Signal] = [*ENERGIES, *([TANK] if tank else [])]
         if bodies:
-            self.values.append(dict(CONTACT_VALUE) | ({"unit": "N·m"} if joints_only else {}))
+            self.signals.append(contact_signal("N·m" if joints_only else "N"))
+        self.signals += joint_signals(robot, goal) + list(HAND if goal else ())
 
     @classmethod
     def of(cls, log: Log, robot: Robot | None = None, goal: bool | None = None, tank: bool | None = None) -> Stage:
@@ -138,14 +130,17 @@ class Stage:
 
     def frame(self, time: float, position: Array, row: Mapping[str, Any]) -> Array:
         """Return one frame, shape (columns,), from the position and what ``Log.derive`` gives."""
-        here = self.arm.placements(position)
+        here, there = self.arm.placements(position), None
         parts: list[Any] = [time]
         for link in self.arm.link_shapes:
             parts.extend(pose_of(here[link]))
-        if self._ghosts:
+        if self._goal:
             there = self.arm.placements(np.asarray(row["goal"]))
             for link in self._ghosts:
                 parts.extend(pose_of(there[link]))
+        parts.extend(pose_of(here[self.trail]))
+        if there is not None:
+            parts.extend(pose_of(there[self.trail]))
         arrows: list[float] = []
         for contact, force, depth in zip(self._contacts, row["contact_forces"], row["contact_depths"], strict=False):
             poses, arrow = contact.frame(self.arm, position, here, float(force), float(depth))
@@ -160,15 +155,19 @@ class Stage:
         parts.extend(arrows)
         parts.extend(
             (
-                row["kinetic_energy"] + row["potential_energy"],
                 row["storage"],
+                row["kinetic_energy"] + row["potential_energy"],
                 row["dissipated_power"],
                 row["supplied_power"],
                 row["control_power"],
             )
         )
-        for value in self.values[len(VALUES) :]:
-            parts.append(row["tank_level" if value["name"] == "tank" else "contact_force"])
+        parts.extend([row["tank_level"]] if self._tank else [])
+        parts.extend([row["contact_force"]] if self._touches else [])
+        parts.extend(joint_values(self.arm.robot, position, row, self._goal))
+        if there is not None:
+            off = there[self.trail].actInv(here[self.trail])
+            parts.extend([np.linalg.norm(off.translation), np.linalg.norm(pin.log3(off.rotation))])
         parts.extend(here[self.trail].translation)
         if self.image is not None:
             parts.extend(np.nan_to_num(np.asarray(row["features"])))
@@ -209,7 +208,7 @@ class Stage:
         edges = [(np.zeros(3), corner) for corner in corners]
         edges += [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
         lines = Shape("lines", color=SIGHT, points=np.array([point for edge in edges for point in edge]))
-        self.nodes.append(Node("camera/frustum", [lines]))
+        self.nodes.append(Node("camera/frustum", [lines, *axes(0.5 * FRUSTUM)]))
         if seen is not None:
             length, width, depth = seen["size"]
             box = Shape("box", (length, width, depth), OBJECT, (0.0, 0.0, 0.5 * depth, 0.0, 0.0, 0.0, 1.0))
@@ -217,8 +216,8 @@ class Stage:
             self.nodes.append(Node("object/box", [box]))
         self.image = {"width": 2.0 * half[0], "height": 2.0 * half[1], "goal": goal, "columns": 3}
 
-    def extent(self, frames: Array) -> tuple[list[float], float]:
-        """Return centre and radius [m] of what the nodes of some frames span."""
+    def extent(self, frames: Array) -> tuple[list[float], float, float]:
+        """Return centre and radius of what the nodes of some frames span, and the height of a floor below them [m]."""
         count = len([node for node in self.nodes if node.path.startswith(("robot/", "goal/"))])
         corners = []
         for pose, node in zip(frames[:, 1 : 1 + 7 * count].reshape(len(frames), -1, 7).transpose(1, 0, 2), self.nodes,
@@ -228,7 +227,8 @@ class Stage:
                 corners += [place.act(point) for place in placements for point in _corners(shape)]
         cloud = np.array(corners)
         low, high = cloud.min(axis=0), cloud.max(axis=0)
-        return [float(value) for value in 0.5 * (low + high)], float(0.5 * np.linalg.norm(high - low))
+        floor = min(0.0, float(low[2]))
+        return [float(value) for value in 0.5 * (low + high)], float(0.5 * np.linalg.norm(high - low)), floor
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the page needs beside the frames."""
@@ -252,7 +252,7 @@ class Stage:
             "shapes": shapes,
             "nodes": nodes,
             "arrows": [{"name": arrow.name, "unit": arrow.unit} for arrow in self.arrows],
-            "values": self.values,
+            "signals": [signal.to_dict() for signal in self.signals],
             "trail": self.trail,
             "image": self.image,
             "notes": self.notes,

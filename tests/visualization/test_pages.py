@@ -9,7 +9,17 @@ import socket
 import numpy as np
 import pytest
 
-from phcontrol import LiveView, MechanicalSystem, PHControlError, load_robot, make_controller, record, simulate
+from phcontrol import (
+    LiveView,
+    MechanicalSystem,
+    MinimumJerk,
+    PHControlError,
+    certify,
+    load_robot,
+    make_controller,
+    record,
+    simulate,
+)
 from phcontrol.visualization.server import PageServer, announce_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -46,6 +56,7 @@ def test_a_recording_plays_offline(browser, log, tmp_path):
         assert np.linalg.norm(places[1] - places[0]) > 0.01  # it has moved
         assert np.linalg.norm(places[2] - places[1]) > 0.001
         assert looks_drawn(page.screenshot())
+        page.evaluate("phcontrol.charts.show(['storage function', 'energy of the arm', 'power', 'contact'])")
         panel = page.inner_text("#panel")
         for words in ("storage function H_d", "energy H", "contact force", "dissipated", "arrows: 1 N"):
             assert words in panel
@@ -178,3 +189,93 @@ def test_without_a_browser_the_address_is_printed(monkeypatch, capsys):
         text = capsys.readouterr().out
         assert server.address in text
         assert "--record FILE.html" in text
+
+
+def box_of(page, selector):
+    box = page.locator(selector).bounding_box()
+    return np.array([box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]])
+
+
+@pytest.mark.parametrize("size", [(1280, 760), (800, 600), (400, 700)], ids=str)
+def test_charts_never_cover_the_arm_and_fold_away(browser, log, tmp_path, size):
+    with browser.open(record(log, tmp_path / "run.html").as_uri()) as page:
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        width = "document.querySelector('#meshcat-pane{}').clientWidth"
+        page.wait_for_function(f"Math.abs({width.format(' canvas')} - {width.format('')}) < 2")
+        pane, panel, timeline = (box_of(page, selector) for selector in ("#meshcat-pane", "#panel", "#timeline"))
+        for first, second in ((pane, panel), (pane, timeline), (panel, timeline)):
+            overlap = np.minimum(first[2:], second[2:]) - np.maximum(first[:2], second[:2])
+            assert overlap.min() <= 0.5
+        canvas = box_of(page, "#meshcat-pane canvas")
+        np.testing.assert_allclose(canvas, pane, atol=1.0)  # the picture fills its pane, no more
+        page.keyboard.press("c")
+        assert not page.is_visible("#panel")
+        folded = box_of(page, "#meshcat-pane")
+        assert np.prod(folded[2:] - folded[:2]) > 1.3 * np.prod(pane[2:] - pane[:2])
+        page.keyboard.press("c")
+        assert page.is_visible("#panel")
+        assert page.problems == []
+
+
+def test_signals_are_picked_hidden_pointed_at_and_zoomed(browser, log, tmp_path):
+    with browser.open(record(log, tmp_path / "run.html").as_uri()) as page:
+        page.evaluate("phcontrol.charts.show(['velocity']); phcontrol.seek(0)")
+        names = load_robot("pera").joint_names
+        rows = page.locator(".value")
+        assert [row.split("\n")[0] for row in rows.all_inner_texts()] == list(names)
+        canvas = box_of(page, ".chart canvas")
+        middle = (0.5 * (canvas[0] + 46 + canvas[2] - 8), 0.5 * (canvas[1] + canvas[3]))
+        page.mouse.move(*middle)  # values are those where the pointer is, not of the frame that is shown
+        k = int(np.searchsorted(log.time, 0.5 * log.time[-1]))
+        shown = float(rows.nth(1).inner_text().split("\n")[1])
+        assert shown == pytest.approx(log.velocity[k, 1], rel=0.02, abs=2e-3)
+        page.mouse.down()  # and a press goes there
+        page.mouse.up()
+        assert page.evaluate("phcontrol.time") == pytest.approx(0.5 * log.time[-1], abs=0.02 * log.time[-1])
+        rows.nth(1).click()
+        assert rows.nth(1).get_attribute("aria-pressed") == "false"
+        before = page.locator(".chart canvas").screenshot()
+        page.mouse.move(*middle)
+        page.mouse.wheel(0, -500)
+        page.wait_for_timeout(200)
+        assert page.locator(".chart canvas").screenshot() != before
+        page.locator(".chart select").select_option("power")
+        assert page.locator(".value").count() == 3
+        page.click("#add")
+        assert page.locator(".chart").count() == 2
+        page.locator(".chart-head button").first.click()
+        assert page.locator(".chart").count() == 1
+        assert page.problems == []
+
+
+def test_keys_certificate_and_dark_scheme(browser, log, tmp_path):
+    system = MechanicalSystem(load_robot("pera"))
+    certificate = certify(make_controller("energy_shaping", system), system, samples=8)
+    path = record(log, tmp_path / "run.html", certificate=certificate)
+    with browser.open(path.as_uri()) as page:
+        assert page.inner_text("#badge summary") == f"certificate: {certificate.verdict}"
+        page.click("#badge summary")
+        assert "matching residual" in page.inner_text("#badge pre")
+        page.evaluate("document.activeElement.blur()")
+        page.keyboard.press("End")
+        assert page.evaluate("phcontrol.time") == pytest.approx(log.time[-1])
+        page.keyboard.press("Home")
+        page.keyboard.press("ArrowRight")
+        assert page.evaluate("phcontrol.time") == pytest.approx(0.1)
+        page.keyboard.press("f")
+        assert page.get_attribute("#axes", "aria-pressed") == "false"
+        paper = "getComputedStyle(document.body).backgroundColor"
+        assert page.evaluate(paper) == "rgb(255, 255, 255)"
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_timeout(300)
+        assert page.evaluate(paper) == "rgb(27, 30, 36)"
+        assert looks_drawn(page.screenshot())
+        assert page.problems == []
+
+
+def test_a_page_is_small(tmp_path):
+    """Ten seconds of an arm with fine meshes; the 3-D library is in it."""
+    system = MechanicalSystem(load_robot("panda", locked_joints=["panda_finger_joint1", "panda_finger_joint2"]))
+    way = MinimumJerk.within_limits(system.robot, system.robot.home, system.robot.near_home(), fraction=0.05)
+    log = simulate(system, make_controller("energy_shaping", system, reference=way), duration=10.0, dt=0.01)
+    assert record(log, tmp_path / "run.html").stat().st_size < 1.5e6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 
 import numpy as np
@@ -43,6 +44,10 @@ ROW = {
 }
 
 
+def row_of(robot):
+    return ROW | {name: np.arange(robot.n) + k for k, name in enumerate(("velocity", "torque", "external_force"))}
+
+
 def poses(stage, frame):
     count = len(stage.nodes)
     table = frame[1 : 1 + 7 * count].reshape(count, 7)
@@ -65,9 +70,12 @@ def test_links_are_where_yourdfpy_puts_them(name, rng):
     angles = dict(zip(robot.joint_names, position, strict=True)) | robot.locked_joints
     urdf.update_cfg({joint: angles[joint] for joint in urdf.actuated_joint_names})
     for stage in (Stage(robot), Stage(again)):
-        placed = poses(stage, stage.frame(0.0, position, ROW))
-        assert placed
+        placed = poses(stage, stage.frame(0.0, position, row_of(robot)))
+        assert any(path.startswith("robot/") for path in placed)
         for path, pose in placed.items():
+            if path == "frames/hand":
+                np.testing.assert_allclose(pose.homogeneous, urdf.get_transform(stage.trail), atol=1e-6)
+                continue
             if name == "panda" and path == "robot/panda_rightfinger":
                 continue  # locked at a home of its own, where yourdfpy lets it follow the other
             np.testing.assert_allclose(pose.homogeneous, urdf.get_transform(path.split("/")[1]), atol=1e-6)
@@ -80,7 +88,11 @@ def test_all_shapes_of_the_urdf_are_drawn():
         stage = Stage(robot)
         assert stage.notes == []
         wanted = {link.name for link in urdf.robot.links if link.visuals}
-        assert {node.path.removeprefix("robot/") for node in stage.nodes} == wanted
+        drawn = {node.path.removeprefix("robot/"): node.shapes for node in stage.nodes if node.path != "frames/hand"}
+        assert wanted <= drawn.keys()
+        for name in drawn.keys() - wanted:  # the others have a ghost from joint to joint, where joints follow
+            assert [shape.kind for shape in drawn[name]] == ["sphere", "lines"]
+            assert drawn[name][0].color[3] < 1.0
 
 
 def test_the_ghost_stands_at_the_goal(log):
@@ -168,7 +180,7 @@ def test_a_mesh_that_is_missing_or_broken_is_a_note(tmp_path, content, note):
     assert first.startswith("link arm is not drawn: ")
     assert any(part in first for part in note.split("|"))
     assert "lines between its joints" in second
-    assert {node.path for node in stage.nodes} == {"robot/base", "robot/arm"}
+    assert {node.path for node in stage.nodes} == {"robot/base", "robot/arm", "frames/hand"}
 
 
 def test_a_mesh_beside_its_urdf_is_found_and_scaled(tmp_path):
@@ -177,7 +189,7 @@ def test_a_mesh_beside_its_urdf_is_found_and_scaled(tmp_path):
     trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "parts" / "arm.stl")
     mesh = '<visual><geometry><mesh filename="package://parts/arm.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
     (tmp_path / "arm.urdf").write_text(ARM.format(mesh))
-    (node,) = Stage(load_robot(tmp_path / "arm.urdf")).nodes
+    (node,) = [node for node in Stage(load_robot(tmp_path / "arm.urdf")).nodes if node.path == "robot/arm"]
     np.testing.assert_allclose(np.ptp(node.shapes[0].points, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
 
 
@@ -199,7 +211,7 @@ def test_a_body_with_a_geometry_of_its_own_is_a_note():
     )
     stage = Stage.of(log)
     assert any("body 0 is not drawn" in note for note in stage.notes)
-    assert frames_of(log, stage, 30.0).shape[1] == 1 + 7 * len(stage.nodes) + len(stage.values) + 3
+    assert frames_of(log, stage, 30.0).shape[1] == 1 + 7 * len(stage.nodes) + len(stage.signals) + 3
 
 
 @pytest.mark.parametrize("shape", ["sphere", "box"])
@@ -247,3 +259,51 @@ def test_a_camera_whose_image_has_no_end_shows_all_there_is_to_see():
     assert (np.abs(log.features[:, :2]).max(axis=0) < half).all()
     assert not any(node.path.startswith(("object/", "goal/")) for node in stage.nodes)
     assert np.isfinite(frames_of(log, stage, 30.0)).all()
+
+
+def test_signals_are_those_of_the_log(log):
+    stage, k = Stage.of(log), len(log) // 2
+    robot, signals = load_robot("pera"), {}
+    begin = 1 + 7 * len(stage.nodes) + 6 * len(stage.arrows)
+    values = stage.frame(log.time[k], log.position[k], log.row(k))[begin : begin + len(stage.signals)]
+    for signal, value in zip(stage.signals, values, strict=True):
+        signals.setdefault(signal.group, {})[signal.label] = (value, signal)
+    elbow = robot.joint_names.index("elbow_pitch")
+    assert signals["storage function"]["storage function H_d"][0] == log.storage[k]
+    assert signals["energy of the arm"]["energy H of the arm"][0] == log.kinetic_energy[k] + log.potential_energy[k]
+    assert signals["contact"]["contact force"][0] == log.contact_force[k]
+    for group, array in (
+        ("position", log.position), ("velocity", log.velocity), ("torque", log.torque),
+        ("external force", log.external_force), ("joint error", log.position - log.goal),
+    ):  # fmt: skip
+        assert signals[group]["elbow_pitch"][0] == array[k, elbow], group
+    assert signals["torque"]["elbow_pitch"][1].limits == (-robot.effort_limit[elbow], robot.effort_limit[elbow])
+    assert signals["position"]["elbow_pitch"][1].limits == (robot.lower[elbow], robot.upper[elbow])
+    here, there = (robot.placement("tool", position) for position in (log.position[k], log.goal[k]))
+    off = signals["hand to its goal"]
+    assert off["distance"][0] == pytest.approx(np.linalg.norm(here.translation - there.translation), abs=1e-12)
+    angle = np.arccos(0.5 * (np.trace(here.rotation.T @ there.rotation) - 1.0))
+    assert off["angle"][0] == pytest.approx(angle, abs=1e-9)
+
+
+def test_meshes_are_written_to_a_4000th_of_their_size(rng):
+    from phcontrol.visualization.shapes import Shape
+
+    points, faces = rng.normal(size=(500, 3)), rng.integers(0, 500, (900, 3))
+    entry = Shape("mesh", points=points, faces=faces).to_dict()
+    assert np.abs(unpacked_points(entry) - points).max() <= np.ptp(points, axis=0).max() / 4000.0
+    np.testing.assert_array_equal(whole_numbers(entry["faces"], 1).reshape(-1, 3), faces)
+    wide = Shape("mesh", points=np.zeros((70_000, 3)), faces=np.array([[0, 69_999, 1]])).to_dict()
+    assert np.frombuffer(base64.b64decode(wide["faces"]), dtype="<u4").tolist() == [0, 69_999, 1]
+
+
+def whole_numbers(text, columns):
+    """Read what ``shapes.differences`` writes, by its description."""
+    low, high = np.frombuffer(base64.b64decode(text), dtype=np.uint8).astype(np.int64).reshape(2, -1)
+    coded = low + 256 * high
+    steps = np.where(coded % 2, -(coded + 1) // 2, coded // 2).reshape(columns, -1)
+    return np.cumsum(steps, axis=1).T % 65536
+
+
+def unpacked_points(entry):
+    return entry["low"] + whole_numbers(entry["points"], 3) * np.array(entry["step"])
