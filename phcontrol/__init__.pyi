@@ -141,6 +141,7 @@ from .vision.pinhole_camera import PinholeCamera
 from .vision.rendered_view import RenderedView
 from .vision.rendering import Renderer
 from .visualization.live import LiveView
+from .visualization.log_plots import LogPlots, compare
 from .visualization.recording import record
 
 __version__: str
@@ -219,6 +220,7 @@ __all__ = [
     "LiveValue",
     "LiveView",
     "Log",
+    "LogPlots",
     "LoopCamera",
     "LoopMode",
     "Lost",
@@ -313,6 +315,7 @@ __all__ = [
     "check_canonical_transformation",
     "check_limits",
     "check_transformed_passivity",
+    "compare",
     "compile_law",
     "damping_for_gain",
     "drive",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -438,6 +439,12 @@ class Log:
         log = cls(data, metadata)
         log.path = Path(path)
         return log
+
+    @property
+    def plot(self) -> Any:
+        """Plots of the run (needs matplotlib): ``log.plot.position()``, ``log.plot()``; see ``LogPlots``."""
+        # by name: the way of the data goes from a log to its pictures
+        return import_module("phcontrol.visualization.log_plots").LogPlots(self)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the log as a pandas DataFrame indexed by time (needs pandas)."""
