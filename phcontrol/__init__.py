@@ -10,6 +10,8 @@ from phcontrol.analysis.force_conditions import ForceConditions, force_control_c
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
+from phcontrol.compilation.loop_derivatives import LoopDerivatives
+from phcontrol.compilation.loop_jacobian import LoopJacobian
 from phcontrol.controllers.cartesian_impedance import CartesianImpedance
 from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_force import ClassicalForceControl
@@ -227,6 +229,8 @@ __all__ = [
     "LiveView",
     "Log",
     "LoopCamera",
+    "LoopDerivatives",
+    "LoopJacobian",
     "LoopMode",
     "Lost",
     "MarkerDetector",
