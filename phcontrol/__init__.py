@@ -8,6 +8,9 @@ from phcontrol.analysis.detectability import InvariantSet, invariant_set
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.analysis.linearization import Linearization, linearize
+from phcontrol.analysis.modes import Mode
+from phcontrol.analysis.sampled_loop import SampledLoop
 from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from phcontrol.compilation.loop_derivatives import LoopDerivatives
@@ -223,6 +226,7 @@ __all__ = [
     "LawError",
     "LimitReport",
     "Limits",
+    "Linearization",
     "LiveFramePath",
     "LiveTrajectory",
     "LiveValue",
@@ -242,6 +246,7 @@ __all__ = [
     "MechanicalSystem",
     "MinimumJerk",
     "MissingMeasurementError",
+    "Mode",
     "Moment",
     "MomentumObserver",
     "NonFiniteTorqueError",
@@ -280,6 +285,7 @@ __all__ = [
     "RobotDescriptionWarning",
     "Sampled",
     "SampledFramePath",
+    "SampledLoop",
     "SampledTrajectory",
     "Schedule",
     "Seen",
@@ -335,6 +341,7 @@ __all__ = [
     "interaction_matrix",
     "invariant_set",
     "l2_gain",
+    "linearize",
     "load_robot",
     "make_controller",
     "measured_l2_gain",

@@ -188,7 +188,7 @@ class LoopDerivatives:
             if not (off <= TOLERANCE and bend <= _BEND):
                 raise CompilationError(
                     f"{self._law.name} has no derivative there, or not the one that was found: along a direction it "
-                    f"differs from differences of the interpreted loop by {off:.1e}, relatively, and ahead from behind by "
+                    f"differs from differences of the interpreted loop by {off:.1e}, relatively, ahead from behind by "
                     f"{bend:.1e}"
                 )
 
