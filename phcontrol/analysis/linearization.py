@@ -200,7 +200,7 @@ def linearize(
         >>> system = MechanicalSystem(load_robot("pera_shoulder"))
         >>> found = linearize(make_controller("energy_shaping", system), system, exact=False)
         >>> found.A.shape, found.stable, found.states[0]
-        ((4, 4), True, 'q[shoulder_yaw]')
+        ((4, 4), True, 'q[shoulder_pitch]')
     """
     check_loop(controller, system)
     if controller.time_span:

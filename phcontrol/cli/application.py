@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from phcontrol._version import __version__
+from phcontrol.cli.analyze import analyze
 from phcontrol.cli.certify import certify
 from phcontrol.cli.controllers import controllers
 from phcontrol.cli.doctor import doctor
@@ -98,6 +99,7 @@ for _name, _study in STUDIES.items():
     )
 _add(app, "view", view)
 _add(app, "certify", certify)
+_add(app, "analyze", analyze)
 _add(app, "reproduce", reproduce_command)
 _add(app, "robots", robots)
 _add(app, "controllers", controllers)
