@@ -30,7 +30,7 @@ LAWS = (
 LONGEST = 60.0
 """[s]."""
 _POWER = 3.0  # of the length, by which compiling grows at least
-_SIMULATED = 0.2  # [s]
+_SIMULATED = 2.0  # [s]
 
 
 def measured_growth(lengths: tuple[int, ...], rounds: int, repeats: int) -> tuple[dict[str, dict[str, Any]], list[str]]:
