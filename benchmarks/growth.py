@@ -10,6 +10,8 @@ by what the shorter chain took, is left out.
 from __future__ import annotations
 
 import argparse
+import math
+import time
 from typing import Any
 
 import numpy as np
@@ -30,11 +32,18 @@ LAWS = (
 LONGEST = 60.0
 """[s]."""
 _POWER = 3.0  # of the length, by which compiling grows at least
+_LOOPS = 3.0  # how often as long as a law alone its compilation and that of its loop take, at most
 _SIMULATED = 2.0  # [s]
 
 
-def measured_growth(lengths: tuple[int, ...], rounds: int, repeats: int) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """Return a row for each law and length, and lines that say what was left out."""
+def measured_growth(
+    lengths: tuple[int, ...], rounds: int, repeats: int, seconds: float = math.inf
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return a row for each law and length, and lines that say what was left out.
+
+    What would not be compiled within ``seconds`` from now on is left out too.
+    """
+    end = time.perf_counter() + seconds
     rows: dict[str, dict[str, Any]] = {}
     left_out: list[str] = []
     taken: dict[tuple[str, str], tuple[int, float]] = {}
@@ -52,7 +61,8 @@ def measured_growth(lengths: tuple[int, ...], rounds: int, repeats: int) -> tupl
             )
             shorter, duration = taken.get((name, form), (n, 0.0))
             expected = duration * (n / shorter) ** _POWER
-            if expected > LONGEST:
+            left = end - time.perf_counter()
+            if expected > LONGEST or _LOOPS * expected > left or left < 0.0:
                 left_out.append(f"{name} {form}, {n} joints, compiled: would take {expected:.0f} s or more to compile")
                 continue
             compiled = compile_law(law, progress=True)

@@ -1,6 +1,6 @@
 """All benchmarks that are compared over commits, in one run: prints the tables and writes one JSON.
 
-    python benchmarks/suite.py [--out benchmarks/results.json] [--part step late simulation growth] [--quick]
+    python benchmarks/suite.py [--out benchmarks/results.json] [--part NAME ...] [--quick]
 
 Compiles every law anew, into a cache of its own. On a quiet machine it takes less than ten minutes; --quick is a run
 that only shows that everything works. ``compare.py`` compares two such files, ``page.py`` makes docs/benchmarks.md of
@@ -35,6 +35,7 @@ from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.mechanics.kernels import KERNELS
 
 FORMAT = 1
+PARTS = ["step", "late", "simulation", "growth"]
 LATE = ("energy_shaping", "force_feedback", "tracking", "hamiltonian_servo")
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("pin", "numpy", "casadi", "mujoco", "drake")
@@ -110,8 +111,13 @@ def late_lines(rows: dict[str, dict[str, float]]) -> list[str]:
     ]
 
 
-def parts(quick: bool) -> dict[str, Callable[[], tuple[dict[str, Any], list[str], list[str]]]]:
-    """Return what can be measured: functions that return rows, the table, and what was left out."""
+def parts(quick: bool, end: float) -> dict[str, Callable[[], tuple[dict[str, Any], list[str], list[str]]]]:
+    """Return what can be measured: functions that return rows, the table, and what was left out.
+
+    Args:
+        quick: only show that everything runs.
+        end: when all should be done, by ``time.perf_counter``.
+    """
 
     def step() -> tuple[dict[str, Any], list[str], list[str]]:
         laws = ["energy_shaping", "force_feedback"] if quick else list(CONTROLLERS)
@@ -131,9 +137,8 @@ def parts(quick: bool) -> dict[str, Callable[[], tuple[dict[str, Any], list[str]
         return rows, peers.lines_of(rows), missing
 
     def grown() -> tuple[dict[str, Any], list[str], list[str]]:
-        rows, left_out = growth.measured_growth(
-            (1, 2) if quick else growth.JOINTS, 5 if quick else 40, 1 if quick else 5
-        )
+        lengths, rounds, repeats = ((1, 2), 5, 1) if quick else (growth.JOINTS, 40, 5)
+        rows, left_out = growth.measured_growth(lengths, rounds, repeats, end - time.perf_counter())
         return rows, growth.lines_of(rows), left_out
 
     return {"step": step, "late": late, "simulation": simulation, "growth": grown}
@@ -143,8 +148,9 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results.json", metavar="FILE.json")
-    parser.add_argument("--part", nargs="*", choices=list(parts(True)), default=list(parts(True)))
+    parser.add_argument("--part", nargs="*", choices=PARTS, default=PARTS)
     parser.add_argument("--quick", action="store_true", help="only show that everything runs")
+    parser.add_argument("--minutes", type=float, default=9.0, help="after which no more arms are compiled")
     options = parser.parse_args()
     begun, found = time.perf_counter(), machine()
     result: dict[str, Any] = {
@@ -160,7 +166,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder, "cache")
         os.environ["PHCONTROL_CACHE"] = str(cache)
-        for name, measure in parts(options.quick).items():
+        for name, measure in parts(options.quick, begun + 60.0 * options.minutes).items():
             if name not in options.part:
                 continue
             rows, table, left_out = measure()
