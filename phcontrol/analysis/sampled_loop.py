@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from phcontrol._validation import Array
 from phcontrol.compilation.loop_jacobian import LoopJacobian
+from phcontrol.exceptions import PHControlError
 
 if TYPE_CHECKING:
     import control
@@ -59,11 +60,11 @@ class SampledLoop:
 
 
 def state_space(loop: Any, period: float) -> control.StateSpace:
-    """Return a loop with A, B, C, D and names as python-control's. Raises ImportError, with what to install."""
+    """Return a loop with A, B, C, D and names as python-control's. Raises PHControlError, with what to install."""
     try:
         import control
     except ImportError as error:
-        raise ImportError("python-control is needed for this: pip install 'phcontrol[control]'") from error
+        raise PHControlError("a control.StateSpace needs python-control: pip install 'phcontrol[control]'") from error
     return control.StateSpace(
         loop.A, loop.B, loop.C, loop.D, period, states=list(loop.states), inputs=list(loop.inputs),
         outputs=list(loop.outputs), remove_useless_states=False,

@@ -155,6 +155,8 @@ def test_under_a_load_the_equilibrium_is_another_one():
     found = linearize(law, system, force=force, exact=False)
     away = system.robot.difference(found.position, law.goal)
     np.testing.assert_allclose(law.stiffness @ away, force, atol=1e-8)
+    again = linearize(law, system, at=found.position + 0.05, force=force, exact=False)
+    np.testing.assert_allclose(again.position, found.position, atol=1e-8)
     x = system.at(found.position)
     command = law.evaluate(0.0, x, found.state, Measured(external_force=force))
     np.testing.assert_allclose(x.acceleration(command.torque, force), 0.0, atol=1e-8)
