@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.linalg import logm
@@ -179,6 +181,13 @@ def test_it_becomes_a_state_space_of_python_control():
     assert sampled.dt == 1e-3
     assert sampled.state_labels[-2:] == ["u1[shoulder_pitch]", "u1[shoulder_roll]"]
     assert np.abs(sampled.poles()).max() == pytest.approx(found.sampled(1e-3).radius)
+
+
+def test_without_python_control_it_is_said_what_to_install(monkeypatch, shoulder):
+    monkeypatch.setitem(sys.modules, "control", None)
+    found = linearize(make_controller("energy_shaping", shoulder), shoulder, exact=False)
+    with pytest.raises(PHControlError, match=r"pip install 'phcontrol\[control\]'"):
+        found.to_control()
 
 
 def test_what_cannot_be_linearised_is_refused(shoulder):
