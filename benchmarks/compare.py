@@ -44,6 +44,8 @@ def compared(old: dict[str, Any], new: dict[str, Any], beyond: float) -> tuple[l
     lines, slower = [], False
     if old["machine"].get("processor") != new["machine"].get("processor"):
         lines.append("the machines differ: ratios may, too")
+    if old.get("quick") or new.get("quick"):
+        lines.append("a quick run is among them, whose times mean nothing")
     for name in before:
         if name not in after:
             lines.append(f"{'gone':<8} {name}")

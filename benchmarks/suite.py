@@ -171,10 +171,11 @@ def main() -> None:
                 continue
             rows, table, left_out = measure()
             result["parts"][name], result["left out"][name] = rows, left_out
+            found["load after"] = round(os.getloadavg()[0], 2)
+            result["seconds"] = round(time.perf_counter() - begun)
+            text = json.dumps(result, indent=1, ensure_ascii=False) + "\n"
+            options.out.write_text(text, encoding="utf-8")  # after each part: a run may be ended
             print(f"\n{name}\n" + "\n".join([*table, *left_out]), flush=True)
-    found["load after"] = round(os.getloadavg()[0], 2)
-    result["seconds"] = round(time.perf_counter() - begun)
-    options.out.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     print(f"\nwrote {options.out} after {result['seconds']} s")
 
 

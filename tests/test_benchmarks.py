@@ -83,6 +83,9 @@ def test_what_is_new_or_gone_and_another_machine_are_said(benchmark_module):
     assert "gone     step | law coriolis | step ratio" in lines
     assert "new      step | other coriolis | step ratio: 0.1" in lines
     assert not slower
+    assert compared(written(), written() | {"quick": True}, 0.1)[0] == [
+        "a quick run is among them, whose times mean nothing"
+    ]
 
 
 def test_the_command_ends_as_it_should(tmp_path):
