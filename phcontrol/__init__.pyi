@@ -9,8 +9,13 @@ from .analysis.detectability import InvariantSet, invariant_set
 from .analysis.equilibrium import Equilibrium, equilibrium
 from .analysis.force_conditions import ForceConditions, force_control_conditions
 from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from .analysis.linearization import Linearization, linearize
+from .analysis.modes import Mode
+from .analysis.sampled_loop import SampledLoop
 from .compilation.compiled_law import compile_law
 from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
+from .compilation.loop_derivatives import LoopDerivatives
+from .compilation.loop_jacobian import LoopJacobian
 from .controllers.cartesian_impedance import CartesianImpedance
 from .controllers.cartesian_tracking import CartesianTracking
 from .controllers.classical_force import ClassicalForceControl
@@ -215,6 +220,7 @@ __all__ = [
     "LawError",
     "LimitReport",
     "Limits",
+    "Linearization",
     "LiveFramePath",
     "LiveTrajectory",
     "LiveValue",
@@ -222,6 +228,8 @@ __all__ = [
     "Log",
     "LogPlots",
     "LoopCamera",
+    "LoopDerivatives",
+    "LoopJacobian",
     "LoopMode",
     "Lost",
     "MarkerDetector",
@@ -233,6 +241,7 @@ __all__ = [
     "MechanicalSystem",
     "MinimumJerk",
     "MissingMeasurementError",
+    "Mode",
     "Moment",
     "MomentumObserver",
     "NonFiniteTorqueError",
@@ -271,6 +280,7 @@ __all__ = [
     "RobotDescriptionWarning",
     "Sampled",
     "SampledFramePath",
+    "SampledLoop",
     "SampledTrajectory",
     "Schedule",
     "Seen",
@@ -327,6 +337,7 @@ __all__ = [
     "interaction_matrix",
     "invariant_set",
     "l2_gain",
+    "linearize",
     "load_robot",
     "make_controller",
     "measured_l2_gain",

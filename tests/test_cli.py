@@ -766,3 +766,24 @@ def test_runs_print_json_and_take_a_seed(command, tmp_path):
 def test_a_study_prints_its_claims_as_json(tmp_path):
     done = run("run", "fig-2-3", "--json", "--out", str(tmp_path))
     assert json.loads(done.stdout) == json.loads((tmp_path / "claims.json").read_text())
+
+
+def test_a_loop_is_analyzed_in_a_table_a_picture_and_json(tmp_path):
+    arguments = ["analyze", "--controller", "force_feedback", "--robot", "pera_shoulder", "--differences"]
+    picture = tmp_path / "loop.png"
+    shown = CliRunner().invoke(app, [*arguments, "--picture", str(picture)])
+    assert shown.exit_code == 0, shown.output
+    assert "no mode grows" in shown.output
+    assert "L₂ gain from f_e: at most" in shown.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    facts = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).output)
+    assert len(facts["steps"]) == 2
+    assert facts["longest_period"]["0"] > facts["longest_period"]["1"] > 1e-3
+    assert all(mode["time_constant"] > 0.0 for mode in facts["modes"])
+    assert facts["modes"][0]["time_constant"] == max(mode["time_constant"] for mode in facts["modes"])
+
+
+def test_what_changes_with_time_is_not_analyzed():
+    result = CliRunner().invoke(app, ["analyze", "--controller", "tracking", "--robot", "pera_shoulder"])
+    assert result.exit_code == 2
+    assert "changes with time" in result.output

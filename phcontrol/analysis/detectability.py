@@ -9,7 +9,7 @@ import numpy as np
 from phcontrol._differences import jacobian
 from phcontrol._validation import Array, count
 from phcontrol.analysis.certify import require_certificate
-from phcontrol.analysis.linear_loop import LinearLoop, linearise
+from phcontrol.analysis.linearization import Linearization, linearize
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
@@ -74,15 +74,16 @@ def invariant_set(controller: Controller, system: MechanicalSystem, *, samples: 
     """
     count("samples", samples)
     require_certificate(controller, system, "LaSalle's principle", rest=False)
-    loop = linearise(controller, system)
-    directions = _unseen(loop.losses, loop.A)
-    hidden = _unseen(loop.passive_output, loop.A)
-    within = np.linalg.eigvals(hidden.T @ loop.A @ hidden) if hidden.shape[1] else np.zeros(0)
-    uncertainty = float(loop.rest.uncertainty.max(initial=0.0))
+    loop = linearize(controller, system, exact=False)
+    A = loop.natural_A
+    directions = _unseen(loop.scaled(loop.losses), A)
+    hidden = _unseen(loop.scaled(loop.passive_output), A)
+    within = np.linalg.eigvals(hidden.T @ A @ hidden) if hidden.shape[1] else np.zeros(0)
+    uncertainty = float(loop.uncertainty.max(initial=0.0))
     return InvariantSet(
-        states=len(loop.A),
+        states=len(A),
         dimension=directions.shape[1],
-        marginal=int((np.abs(loop.rest.eigenvalues.real) <= loop.rest.uncertainty).sum()),
+        marginal=int((np.abs(loop.eigenvalues.real) <= loop.uncertainty).sum()),
         hidden=hidden.shape[1],
         detectable=bool((within.real < -uncertainty).all()),
         directions=directions,
@@ -113,14 +114,14 @@ def _kernel(matrix: Array) -> Array:
 
 
 def _least_loss(
-    controller: Controller, system: MechanicalSystem, loop: LinearLoop, directions: Array, samples: int, seed: int
+    controller: Controller, system: MechanicalSystem, loop: Linearization, directions: Array, samples: int, seed: int
 ) -> float:
     """Return the least share of H_d that short motions lose out of states in which nothing is lost."""
     generator, n = np.random.default_rng(seed), system.n
     units = NaturalUnits.of(controller, system, 0.0).motion
-    scene = controller.rest_scene(controller.system.at(loop.rest.position))
-    rest, least = np.concatenate([loop.rest.position, loop.rest.velocity, loop.rest.state]), np.nan
-    nothing, fastest = np.zeros(n), float(np.abs(loop.rest.eigenvalues).max())
+    scene = controller.rest_scene(controller.system.at(loop.position))
+    rest, least = np.concatenate([loop.position, np.zeros(n), loop.state]), np.nan
+    nothing, fastest = np.zeros(n), float(np.abs(loop.eigenvalues).max())
 
     def seen(y: Array) -> Seen:
         at = SampledState(0.0, y[:n], y[n : 2 * n], y[2 * n :], nothing, scene, "")

@@ -104,9 +104,9 @@ def equilibrium(
     force = vector("external_force", external_force, n)
     start = controller.rest_posture(0.0) if guess is None else vector("guess", guess, n)
     solution = root(
-        _rest_condition(controller, system, force), np.concatenate([start, np.zeros(size)]), method="hybr", tol=1e-13
+        rest_condition(controller, system, force), np.concatenate([start, np.zeros(size)]), method="hybr", tol=1e-13
     )
-    residual = float(np.abs(_rest_condition(controller, system, force)(solution.x)).max())
+    residual = float(np.abs(rest_condition(controller, system, force)(solution.x)).max())
     if not residual <= TOLERANCE:
         raise PHControlError(
             f"found no equilibrium of {controller.name} under {force}: a rate of {residual:.2g} is left"
@@ -151,7 +151,9 @@ def _elsewhere(
     return imbalance, growth
 
 
-def _rest_condition(controller: Controller, system: MechanicalSystem, force: Array) -> Callable[[Array], Array]:
+def rest_condition(controller: Controller, system: MechanicalSystem, force: Array) -> Callable[[Array], Array]:
+    """Return the function of (q, controller state) at rest that is 0 at an equilibrium: q̈ and the state's rate."""
+
     def rates(unknown: Array) -> Array:
         position, state = unknown[: system.n], unknown[system.n :]
         at = SampledState(0.0, position, np.zeros(system.n), state, force, None, "")

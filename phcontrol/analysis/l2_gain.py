@@ -13,7 +13,7 @@ from phcontrol._validation import Array, count, matrix, positive
 from phcontrol.analysis.certificate import MATCHING_TOLERANCE
 from phcontrol.analysis.certify import require_certificate
 from phcontrol.analysis.flow import Flow
-from phcontrol.analysis.linear_loop import linearise
+from phcontrol.analysis.linearization import linearize
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.rest_point import find_rest
@@ -95,7 +95,7 @@ def l2_gain(controller: Controller, system: MechanicalSystem, *, samples: int = 
     sides = np.array([_sides(controller, system, at, bound) for at in states])
     unit = np.maximum(sides[:, 1], _ROUNDING * sides[:, 1].max())
     residual = float((sides[:, 0] / np.where(unit > 0.0, unit, 1.0)).max())
-    norm = math.nan if controller.time_span else linearise(controller, system).norm
+    norm = math.nan if controller.time_span else linearize(controller, system, exact=False).norm
     return GainBound(bound, bound, source, residual, norm, samples)
 
 

@@ -131,7 +131,7 @@ class _Neighbourhood:
             self._bent = found
         n, law = self._n, self._law
         unrest = 0.0 if law.time_span else self._left(self._rate, y, self._rate(y))
-        values, uncertainty = _spectrum(*self._linearised(y))
+        values, uncertainty = spectrum_of(*self._linearised(y))
         curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
         return RestPoint(
             self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free,
@@ -299,7 +299,7 @@ def _smallest_scaled(hessian: Array) -> float:
     return float(np.linalg.eigvalsh(hessian / np.outer(root, root))[0])
 
 
-def _spectrum(A: Array, error: Array) -> tuple[Array, Array]:
+def spectrum_of(A: Array, error: Array) -> tuple[Array, Array]:
     """Return eigenvalues and how uncertain each is to first order, |wᴴ||E||v| / |wᴴv| with E the entries' errors."""
     if not np.isfinite(A).all():
         return np.array([np.inf]), np.zeros(1)

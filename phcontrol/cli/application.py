@@ -23,6 +23,9 @@ class Commands(LazyGroup):
             "phcontrol.cli.certify:certify",
             "Hold a law's promise against the arm's true motion, at states where laws go wrong.",
         ),
+        "analyze": Listed(
+            "phcontrol.cli.analyze:analyze", "Look at a closed loop about its rest: modes, stable periods, steps, gain."
+        ),
         "view": Listed("phcontrol.cli.view:view", "Play a log in a browser: opens one, or prints the address."),
         "reproduce": Listed(
             "phcontrol.cli.reproduce:reproduce_command",

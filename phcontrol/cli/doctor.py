@@ -21,6 +21,7 @@ from phcontrol.mechanics.kernels import KERNELS
 _NEEDED = ("pin", "numpy", "scipy", "proxsuite")
 _OPTIONAL = {  # module: package, extra, what for
     "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
+    "control": ("control", "control", "linear loops as control.StateSpace"),
     "pink": ("pin-pink", "kinematics", "goals for a frame: reach, follow, --reach"),
     "cv2": ("opencv-python-headless", "vision", "features out of images"),
 }

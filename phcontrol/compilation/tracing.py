@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
+import casadi
+
 from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
@@ -60,6 +62,17 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                     del space[name]
                 else:
                     space[name] = value
+
+
+@contextmanager
+def simplifying() -> Iterator[None]:
+    """Let CasADi simplify meanwhile what is made where all that it may assume is guarded; no trace runs."""
+    with _LOCK:
+        casadi.GlobalOptions.setSimplificationOnTheFly(True)
+        try:
+            yield
+        finally:
+            plain_terms()
 
 
 def refusal(law: str, error: BaseException) -> NotTraceableError:

@@ -78,7 +78,7 @@ class ImpedanceGrasping(RegulatedLaw):
     name = "impedance_grasping"
 
     stiffness: Gain = Gain("K_p", "N·m/rad", default=None, tuned=lambda tuning: 1.0)
-    rest_stiffness: Gain = Gain("K_rl", "N·m/rad", tuned=lambda tuning: 0.5)
+    rest_stiffness: Gain = Gain("K_rl", "N·m/rad", tuned=lambda tuning: 1.0)
 
     def prepare(self) -> None:
         """Check that the spring is one of the joints, which has the rest length of the law."""

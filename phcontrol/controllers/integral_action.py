@@ -11,7 +11,7 @@ import numpy as np
 from phcontrol._validation import Array
 from phcontrol.controllers.aim import Aim
 from phcontrol.controllers.dynamic_extension import DynamicExtension
-from phcontrol.controllers.parameters import Matrix
+from phcontrol.controllers.parameters import Gain, Matrix
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.position_law import PositionLaw
 from phcontrol.controllers.shaping import Shaping
@@ -25,26 +25,29 @@ from phcontrol.sensors.measured import NOTHING, Measured
 class IntegralAction(PositionLaw, DynamicExtension):
     """Hold a position against a constant force that is neither known nor measured (Theorem 3.2.5).
 
-        s = Γ∂Ψ/∂q  (K_i q̃ of a joint spring),   p̃ = p̄ − A z + Tᵀs,   ξ̇ = T⁻ᵀp̃,   ŷ = Ḡᵀp̃,   Y = A K_z
+        s = Γ∂Ψ/∂q  (K_i q̃ of a joint spring),   p̃ = p̄ − A z + Tᵀs,   ξ̇ = K_ξT⁻ᵀp̃,   ŷ = Ḡᵀp̃,   Y = A K_z
         ż = Yᵀ[−T⁻¹∂Ψ/∂q + (J̄₂ − D̄)(p̃ + A z)]
         p̃̇ = −T⁻¹∂Ψ/∂q + (J̄₂ − D̄)(p̃ + A z) − ḠC ŷ − T⁻¹ξ + T⁻¹f_e
 
     Thesis (3.41), (3.42), (3.45), (3.51) corrected: errata E13. The closed loop on (q̃, p̃, z, ξ), with
-    H_d = ½|p̃|² + Ψ + ½zᵀK_z⁻¹z + ½|ξ|², has the blocks of :class:`ForceFeedback`, and beside
-    them (q̃, q̃) = −Γ = −K_iK_p⁻¹, (p̃, ξ) = −T⁻¹, (ξ, p̃) = T⁻ᵀ; f_e enters as [0; T⁻¹; 0; 0]. Under a constant
-    f_e the arm rests at q_d with ξ = f_e; ½|ξ − f_e|² in place of ½|ξ|² is then the Lyapunov function.
+    H_d = ½|p̃|² + Ψ + ½zᵀK_z⁻¹z + ½ξᵀK_ξ⁻¹ξ, has the blocks of :class:`ForceFeedback`, and beside
+    them (q̃, q̃) = −Γ = −K_iK_p⁻¹, (p̃, ξ) = −T⁻¹K_ξ, (ξ, p̃) = K_ξT⁻ᵀ; f_e enters as [0; T⁻¹; 0; 0]. The thesis has
+    K_ξ = 1 N·m/rad, with which a load is taken up in K_p/K_iK_ξ: half a minute for an arm of some kilograms. Under a
+    constant f_e the arm rests at q_d with ξ = f_e; with ξ − f_e in place of ξ H_d is then the Lyapunov function.
 
     Arguments are those of :class:`ForceFeedback` without ``measured``, and
 
     Args:
         integral_gain: K_i of a joint spring, scalar, vector or matrix [1/s], such that K_iᵀK_p + K_pK_i is positive
             definite (diagonal gains are when they are positive).
+        integral_stiffness: K_ξ, positive definite [N·m/rad]: how much of the error's integral acts; 1 if not given.
         integral_compliance: Γ, with any potential in place of K_i [rad/(N·m·s)], Γ + Γᵀ positive definite.
     """
 
     name = "integral_action"
 
     integral_gain: Matrix = Matrix("K_i", "1/s", default=None, tuned=lambda tuning: 1.0)
+    integral_stiffness: Gain = Gain("K_ξ", "N·m/rad", default=1.0, tuned=lambda tuning: tuning.stiffness)
     integral_compliance: Matrix = Matrix(
         "Γ", "rad/(N·m·s)", default=None, tuned=lambda tuning: np.linalg.inv(tuning.stiffness)
     )
@@ -53,13 +56,14 @@ class IntegralAction(PositionLaw, DynamicExtension):
     def default_gains(
         cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
     ) -> dict[str, Any]:
-        """Return the gains of force feedback, and K_i = 1/s; of a potential, Γ for the same of the joints' inertia."""
+        """Return the gains of force feedback, K_i = 1/s and K_ξ = K_p; of a potential, Γ for the joints' inertia."""
         other = "integral_gain" if "potential" in given else "integral_compliance"
         return super().default_gains(system, goal, given={**given, other: None}, **wish)
 
     def prepare(self) -> None:
         """Compute Γ, which must make the storage function fall."""
         super().prepare()
+        self._integral_storage = np.linalg.inv(self.integral_stiffness)
         K_i, compliance = self.integral_gain, self.integral_compliance
         if (K_i is None) == (compliance is None):
             raise InvalidArgumentError("integral_gain", "must be given, or integral_compliance in its place")
@@ -106,7 +110,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
             -(aim.gradient + x.injected_damping(self.damping, output) + integral),
             *aim.shift(shift, shift_rate),
             offset_rate=self._negative_coupling.dot(state_rate),
-            state_rate=np.concatenate([state_rate, output]),
+            state_rate=np.concatenate([state_rate, self.integral_stiffness.dot(output)]),
         )
 
     def _momentum(self, aim: Aim, force_state: Array) -> Array:
@@ -115,11 +119,11 @@ class IntegralAction(PositionLaw, DynamicExtension):
         return momentum
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
-        """Return H_d = ½|p̃|² + Ψ + ½zᵀK_z⁻¹z + ½|ξ|² [J]."""
+        """Return H_d = ½|p̃|² + Ψ + ½zᵀK_z⁻¹z + ½ξᵀK_ξ⁻¹ξ [J]."""
         aim, (force_state, integral) = self.aim(t, x), self._split(state)
         momentum = self._momentum(aim, force_state)
         quadratic = momentum.dot(momentum) + force_state.dot(self._storage_gain.dot(force_state))
-        return float(0.5 * (quadratic + integral.dot(integral))) + aim.energy
+        return float(0.5 * (quadratic + integral.dot(self._integral_storage.dot(integral)))) + aim.energy
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return ŷ, (∂Ψ/∂q)ᵀΓ∂Ψ/∂q + wᵀD w + ŷᵀC ŷ with w = v_e + s, and D w + G C ŷ."""
@@ -143,7 +147,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
                 "error": aim.error,
                 MOMENTUM: (momentum, momentum),
                 "force": (force_state, self._storage_gain.dot(force_state)),
-                "integral": (integral, integral),
+                "integral": (integral, self._integral_storage.dot(integral)),
             },
             lambda: self._interconnection(aim),
             lambda: self._dissipation(aim),
@@ -156,7 +160,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
         A, turned = aim.coordinate_map, 0.5 * (self._compliance - self._compliance.T)
         return super()._interconnection(aim) | {
             ("error", "error"): -A @ turned @ A.T,
-            ("integral", MOMENTUM): aim.x.inverse_factor.T,
+            ("integral", MOMENTUM): self.integral_stiffness.dot(aim.x.inverse_factor.T),
         }
 
     def _dissipation(self, aim: Aim) -> dict[tuple[str, str], Array]:

@@ -82,7 +82,7 @@ def test_friction_around_rest_makes_the_gains_stiffer(pera):
     [
         ("force_feedback", {"coupling": 0.5, "force_gain": 1.0}),
         ("integral_action", {"coupling": 0.5, "force_gain": 1.0, "integral_gain": 1.0}),
-        ("impedance_grasping", {"stiffness": 1.0, "rest_stiffness": 0.5}),
+        ("impedance_grasping", {"stiffness": 1.0, "rest_stiffness": 1.0}),
         ("force_control", {"coupling": 1.0, "force_gain": 1.0}),
     ],
 )
