@@ -15,7 +15,8 @@ from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
 
-_PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
+_PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics", "environments", "sensors")
+_NO_PARTS = ("numpy", "pinocchio", "coal", "builtins")
 _OWN = "phcontrol."
 _LOCK = threading.RLock()
 _MISSING = object()
@@ -109,4 +110,4 @@ def holds_state(thing: Any) -> bool:
 
     if isinstance(thing, (type, ModuleType, Robot, MechanicalState, MechanicalSystem)) or callable(thing):
         return False
-    return hasattr(thing, "__dict__") and not type(thing).__module__.startswith(("numpy", "pinocchio", "builtins"))
+    return hasattr(thing, "__dict__") and not type(thing).__module__.startswith(_NO_PARTS)

@@ -6,7 +6,7 @@ import math
 import platform
 import warnings
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -27,18 +27,14 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.setpoints.setpoint import Setpoint
-from phcontrol.simulation.compiled_run import compiled_loop_of, run_compiled
-from phcontrol.simulation.instruments import Instruments
+from phcontrol.simulation.compiled_run import Prepared, prepared, run_compiled
+from phcontrol.simulation.instruments import Instruments, due_of
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.sampled_control import SampledControl, check_filter
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
-
-if TYPE_CHECKING:
-    from phcontrol.compilation.compiled_loop import CompiledLoop
-
 
 def simulate(
     system: MechanicalSystem,
@@ -90,8 +86,8 @@ def simulate(
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
         compiled: simulate in C (:func:`compile_law` says what that takes): plant, law, integration and log in one loop.
-            What is not compiled (bodies, scenes, sensors, filters, setpoints, disturbances that are functions,
-            ``implicit_midpoint``) is simulated interpreted, and a CompilationWarning says so.
+            What is not compiled (scenes, filters, setpoints, sensors but a momentum observer, bodies but planes,
+            spheres and joints) is simulated interpreted, and a CompilationWarning says so.
 
     Raises:
         InvalidArgumentError: an argument is out of its domain.
@@ -166,15 +162,9 @@ def simulate(
     )  # fmt: skip
     y = np.concatenate([position, velocity, state, body_state, scene_state])
     if flag("compiled", compiled):
-        others = {
-            "sensors": sensors,
-            "a scene": scene,
-            "a torque filter": torque_filter,
-            "a setpoint": setpoint,
-            "watch": watch,
-        }
-        in_c = compiled_loop_of(loop, integrator, others)
-        if in_c is not None and _run_in_c(in_c, loop, log, y, dt, steps, integrator, control_period, stride, progress):
+        others = {"a torque filter": torque_filter, "a setpoint": setpoint, "watch": watch}
+        found = prepared(loop, integrator, sensors, steps * dt, others)
+        if found is not None and _run_in_c(found, loop, log, y, dt, steps, integrator, stride, sensors, progress):
             return log
     disable = None if progress is None else not progress
     done, k, held = 0, 0, NOTHING_HELD
@@ -221,28 +211,31 @@ def simulate(
 
 
 def _run_in_c(
-    in_c: CompiledLoop,
+    found: Prepared,
     loop: ClosedLoop,
     log: Log,
     y: Array,
     dt: float,
     steps: int,
     integrator: str,
-    control_period: float | None,
     stride: int,
+    sensors: Sequence[Sensor] | None,
     progress: bool | None,
 ) -> bool:
     """Return whether a run was simulated in C, from y, into the log."""
+    from phcontrol.compilation.compiled_loop import Plan
+
+    plan = Plan(steps, dt, integrator, stride, stride * dt, due_of(sensors, dt))
     disable = None if progress is None else not progress
     with tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
 
-        def run(states: Array, torques: Array) -> bool:
-            states[0] = y
-            return run_compiled(
-                in_c, loop, states, torques, dt, integrator, control_period, stride, lambda k: bar.update(k - bar.n)
-            )
+        def sink(first: int, rows: int, record: Any) -> None:
+            log.fill(first, dt, *(part[:rows, :, 0] for part in record))
+            bar.update(first + rows - bar.n)
 
-        return log.fill(dt, loop.steady_force, run)
+        done = run_compiled(found, loop, y, plan, bool(sensors), sink)
+    log.end(steps + 1 if done else 0)
+    return done
 
 
 def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:
