@@ -112,7 +112,9 @@ from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
+from phcontrol.simulation.outcome import Outcome
 from phcontrol.simulation.power_balance import PowerBalance
+from phcontrol.simulation.simulate_many import simulate_many
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 from phcontrol.tanks.action import Action
 from phcontrol.tanks.energy_tank import EnergyTank
@@ -245,6 +247,7 @@ __all__ = [
     "NotTraceableError",
     "ObjectLostError",
     "ObservedObject",
+    "Outcome",
     "PHControlError",
     "PacketFaults",
     "Parameter",
@@ -341,6 +344,7 @@ __all__ = [
     "register",
     "resolved_motion",
     "simulate",
+    "simulate_many",
     "transformed_system",
     "virtual_position",
     "with_tank",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,14 @@ def _left_alone(thing: Any, name: str) -> bool:
 def all_bodies(system: MechanicalSystem, inertias: bool = True) -> Bodies:
     """Return the bodies whose inertias are inputs: all of an arm, or none."""
     return frozenset(range(system.model.njoints - 1)) if inertias else NO_BODIES
+
+
+def differing_bodies(systems: Sequence[MechanicalSystem]) -> Bodies:
+    """Return the bodies whose inertias are not the same in all of some arms."""
+    arms = {id(system): np.array(ArmModel(system.model).inertial_numbers()) for system in systems}
+    tables = [numbers.reshape(-1, _PER_BODY) for numbers in arms.values()]
+    alike = [table for table in tables if table.shape == tables[0].shape]
+    return frozenset(int(k) for table in alike for k in np.flatnonzero((table != alike[0]).any(axis=1)))
 
 
 def law_numbers(law: Controller, inertias: Bodies = NO_BODIES) -> Array:

@@ -17,14 +17,17 @@ from phcontrol.compilation.signals import Signals, signals_of
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.sensors.sensor import Sensor
+from phcontrol.simulation.instruments import due_of
+from phcontrol.simulation.run import Run
 from phcontrol.simulation.vector_field import ClosedLoop, Held
 
 if TYPE_CHECKING:
     from phcontrol.compilation.compiled_loop import Arrangement, Block, CompiledLoop, Plan, Record
 
 _CHECKED = 12  # random instants at which a loop is held against the interpreted one, beside those of its trace
-_DIVERGED = 1e6  # beyond it bounds fail because numbers overflow
 _KEPT = 16  # loops that were made last
+DIVERGED = 1e6
+"""Of a state: beyond it bounds fail because numbers overflow."""
 _LOOPS: list[CompiledLoop] = []
 
 
@@ -57,8 +60,8 @@ def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
 
 def observer_among(sensors: Sequence[Sensor] | None) -> tuple[MomentumObserver | None, bool]:
     """Return the momentum observer that is the only sensor, and whether there is anything else."""
-    if sensors is None:
-        return None, False
+    if not sensors:
+        return None, sensors is not None
     if len(sensors) == 1 and type(sensors[0]) is MomentumObserver:
         return sensors[0], False
     return None, True
@@ -188,15 +191,20 @@ def advance(
         last = min(first + chunk - 1, plan.steps)
         block.advance(plan, first, last, record)
         sink(first, last - first + 1, record)
-        if (block.status != 0).all():
+        if last == plan.steps or (block.status != 0).all():
             return
         record.states[0] = record.states[last - first + 1]
 
 
-def run_compiled(
-    found: Prepared, loop: ClosedLoop, y: Array, plan: Plan, observed: bool, sink: Callable[[int, int, Record], None]
-) -> bool:
-    """Simulate a run from y; False where it must be simulated interpreted after all, which is said.
+def plan_of(run: Run) -> Plan:
+    """Return how a run is simulated."""
+    from phcontrol.compilation.compiled_loop import Plan
+
+    return Plan(run.steps, run.dt, run.integrator, run.stride, run.control_period or 0.0, due_of(run.sensors, run.dt))
+
+
+def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int, Record], None]) -> bool:
+    """Simulate a run; False where it must be simulated interpreted after all, which is said.
 
     A run that diverges, or whose torque is not finite, is one of these: the interpreted run then says what is wrong.
     """
@@ -204,10 +212,10 @@ def run_compiled(
 
     chunk = min(5000, plan.steps + 1)
     block = found.loop.block([found.numbers], lanes=False)
-    set_up(block, [loop], [found.signals])
-    record = Record.empty(found.loop, chunk, block.lanes, observed)
-    record.states[0, :, 0] = y
-    last = np.abs(y).max(initial=0.0)
+    set_up(block, [run.loop], [found.signals])
+    record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors))
+    record.states[0, :, 0] = run.start
+    last = np.abs(run.start).max(initial=0.0)
 
     def shown(first: int, rows: int, record: Record) -> None:
         nonlocal last
@@ -216,6 +224,6 @@ def run_compiled(
 
     advance(block, plan, record, shown, chunk)
     status, reached = int(block.status[0]), int(block.reached[0])
-    if status == NOT_COMPILED and last < _DIVERGED:
+    if status == NOT_COMPILED and last < DIVERGED:
         say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled")
     return status == DONE
