@@ -68,7 +68,8 @@ class Arrangement(NamedTuple):
         law, varied = self.law, self.varied
         same = self.plant is law.system
         found = [structure_of(law, varied), same, varied, self.implicit, len(self.bodies), len(self.traced)]
-        found += [None if same else system_structure(self.plant, varied), structure_of_things((self.bodies, self.traced))]
+        found.append(None if same else system_structure(self.plant, varied))
+        found += structure_of_things((self.bodies, self.traced))
         if self.observer is not None:
             found += [structure_of_things(self.observer), system_structure(self.observer.system, varied)]
         return found
@@ -98,9 +99,7 @@ class CompiledLoop:
         varied = arrangement.varied
         traced = trace_law(law, [instant for instant, _ in instants(law, TRACED, seed=1)], inertias=varied)
         self._parts = [Part("law", traced.inputs, traced.traces)]  # type: ignore[arg-type]
-        arm, arm_numbers = arm_parts(
-            plant, varied, total="total_force" in truth, implicit=arrangement.implicit
-        )
+        arm, arm_numbers = arm_parts(plant, varied, total="total_force" in truth, implicit=arrangement.implicit)
         self._parts += arm
         sizes = [traced.numbers.size, arm_numbers.size]
         around, watched = np.zeros(0), np.zeros(0)
@@ -178,7 +177,7 @@ class Block:
     def set_signals(self, tables: Sequence[Array]) -> None:
         """Set the forces over time, a table for each lane (``signals_of``)."""
         self._signals = [np.ascontiguousarray(table) for table in tables]
-        pointers = [table.ctypes.data_as(_VECTOR) if table.size else None for table in self._signals]
+        pointers: list[Any] = [table.ctypes.data_as(_VECTOR) if table.size else None for table in self._signals]
         self._tables = (_VECTOR * self.lanes)(*pointers) if any(table.size for table in self._signals) else None
 
     def field(self, t: float, y: Array) -> tuple[Array, Array, Array]:

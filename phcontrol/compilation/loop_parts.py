@@ -26,6 +26,7 @@ from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
 
 _SAMPLES = 12  # at which an arm is traced
+_TITLES = {"around": "what acts on the arm", "begin": "the observer", "observe": "the observer"}
 _TRIES = 400  # random postures, to find one that touches a body
 
 
@@ -93,16 +94,15 @@ def _way(name: str, inputs: list[Any], values: list[Array], compute: Compute, th
 
     try:
         with tracing(classes_of(*things)):
-            found = list(compute(entries(0)[0], *(entries(which) for which in range(1, 5)), make))
+            q, v, s, m = (entries(which) for which in range(1, 5))
+            found = list(compute(entries(0)[0], q, v, s, m, make))
     except Exception as error:  # whatever somebody's function does that symbols cannot
-        raise refusal(name, error) from error
+        raise refusal(_TITLES.get(name, "the plant"), error) from error
     outputs = [entry.expression if type(entry) is Symbol else casadi.SX(float(entry)) for entry in found]
     return Branch(guards.conditions, outputs)
 
 
-def arm_parts(
-    plant: MechanicalSystem, bodies: Bodies, *, total: bool, implicit: bool
-) -> tuple[list[Part], Array]:
+def arm_parts(plant: MechanicalSystem, bodies: Bodies, *, total: bool, implicit: bool) -> tuple[list[Part], Array]:
     """Return what an arm does, and the numbers of it that are inputs: its acceleration, and what else is asked for.
 
     Args:
@@ -165,13 +165,17 @@ def surroundings_part(
         traced: factors and functions f_e(t, x).
         span: until when the functions are asked [s].
     """
+    for body in bodies:
+        if not getattr(body.geometry, "has_closed_form", True):
+            raise CompilationError("contact with a shape that is neither plane nor sphere: not compiled yet")
     things = (tuple(bodies), tuple(traced))
     sizes = [body.state_size for body in bodies]
 
     def compute(t: Any, q: Any, v: Any, s: Any, m: Any, make: Any) -> Iterable[Any]:
         touched, functions = thing_with_inputs(things, make)
         x = TracedState(traced_system(plant), q, v)
-        force, rates, start = symbols(np.zeros(plant.n)), [], 0
+        force, start = symbols(np.zeros(plant.n)), 0
+        rates: list[Any] = []
         for factor, function in functions:
             found = symbols(function(t, x))
             if found.shape != (plant.n,):

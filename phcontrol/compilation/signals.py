@@ -26,7 +26,9 @@ class Signals(NamedTuple):
 
 def signals_of(disturbance: Any, n: int) -> Signals:
     """Return the parts of a disturbance: None, a force of shape (n,), or a function of time and state."""
-    steady, rows, traced = np.zeros(n), [], []  # type: ignore[var-annotated]
+    steady: Array = np.zeros(n)
+    rows: list[list[float]] = []
+    traced: list[tuple[float, Any]] = []
 
     def take(part: Any, factor: float) -> None:
         kind = type(part)

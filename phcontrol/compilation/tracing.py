@@ -76,7 +76,7 @@ def refusal(law: str, error: BaseException) -> NotTraceableError:
             file = frame.f_code.co_filename.rpartition("/")[2]
             place = f" ({file}:{line}, in {frame.f_code.co_name})"
             break
-    text = str(error) or type(error).__name__
+    text = (str(error) or type(error).__name__).splitlines()[0]
     return NotTraceableError(f"{law} cannot be compiled: {text}{place}")
 
 

@@ -66,9 +66,9 @@ class JointContact:
 class SphereContact:
     """A small sphere fixed at a frame of the arm, against a shape that is fixed in space.
 
-    Signed distance and normal of planes and spheres have a closed form; those of boxes and meshes come from coal. The contact force acts along the normal, through
-    the sphere's centre; what friction a body has acts where the sphere touches. A mesh is a surface without inside: the
-    sphere must not sink into it by more than its radius.
+    Signed distance and normal of planes and spheres have a closed form; those of boxes and meshes come from coal. The
+    contact force acts along the normal, through the sphere's centre; what friction a body has acts where the sphere
+    touches. A mesh is a surface without inside: the sphere must not sink into it by more than its radius.
 
     Args:
         frame: the arm's frame that carries the sphere at its origin.
@@ -143,6 +143,11 @@ class SphereContact:
         linear, angular = kinematics.jacobian[:3], kinematics.jacobian[3:]
         point: Array = linear + self.radius * np.cross(away, angular, axisb=0, axisc=0)  # ω × (−ρ n) = ρ n × ω
         return point - np.outer(away, away @ point)
+
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether distance and normal are formulas, and not asked of coal: of a plane and of a sphere."""
+        return self._is("plane") or self._is("sphere")
 
     def _is(self, shape: str) -> bool:
         return isinstance(self._named["shape"], str) and self._named["shape"] == shape

@@ -103,8 +103,8 @@ def simulate(
     log = run.log()
     if flag("compiled", compiled):
         others = {"a torque filter": torque_filter, "a setpoint": setpoint, "watch": watch}
-        found = prepared(run.loop, run.integrator, run.sensors, run.steps * run.dt, others)
-        if found is not None and _run_in_c(found, run, log, progress):
+        in_c = prepared(run.loop, run.integrator, run.sensors, run.steps * run.dt, others)
+        if in_c is not None and _run_in_c(in_c, run, log, progress):
             return log
     loop, dt, steps, y = run.loop, run.dt, run.steps, run.start
     sampled, instruments, stride, step = run.sampled, run.instruments, run.stride, INTEGRATORS[run.integrator].step

@@ -180,9 +180,7 @@ def set_up(block: Block, loops: Sequence[ClosedLoop], signals: Sequence[Signals]
     block.set_signals([disturbance.table for disturbance in signals])
 
 
-def advance(
-    block: Block, plan: Plan, record: Record, sink: Callable[[int, int, Record], None], chunk: int
-) -> None:
+def advance(block: Block, plan: Plan, record: Record, sink: Callable[[int, int, Record], None], chunk: int) -> None:
     """Simulate a block chunk by chunk, from the first row of the record.
 
     ``sink(first, rows, record)`` is shown each: rows samples from sample first on.
@@ -208,7 +206,7 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
 
     A run that diverges, or whose torque is not finite, is one of these: the interpreted run then says what is wrong.
     """
-    from phcontrol.compilation.compiled_loop import DONE, NOT_COMPILED, Record
+    from phcontrol.compilation.compiled_loop import DONE, NO_SOLUTION, NOT_COMPILED, Record
 
     chunk = min(5000, plan.steps + 1)
     block = found.loop.block([found.numbers], lanes=False)
@@ -226,4 +224,6 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
     status, reached = int(block.status[0]), int(block.reached[0])
     if status == NOT_COMPILED and last < DIVERGED:
         say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled")
+    if status == NO_SOLUTION:
+        say_interpreted(f"at t = {reached * plan.dt:g} s the implicit step is not found by iteration")
     return status == DONE

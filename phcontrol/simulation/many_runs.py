@@ -49,7 +49,7 @@ Measure = str | Callable[[Log], Any]
 class _Numbered(NamedTuple):
     """A run in C: its place, its numbers and its disturbance."""
 
-    index: int
+    number: int
     run: Run
     numbers: Array
     signals: Signals
@@ -72,9 +72,7 @@ class ManyRuns:
         workers: threads.
     """
 
-    def __init__(
-        self, arguments: Callable[[int], dict[str, Any]], count: int, measure: Measure, workers: int
-    ) -> None:
+    def __init__(self, arguments: Callable[[int], dict[str, Any]], count: int, measure: Measure, workers: int) -> None:
         self._arguments, self._count, self._measure, self._workers = arguments, count, measure, workers
         self._found: dict[int, Outcome] = {}
         self._reasons: dict[str, int] = {}
@@ -288,9 +286,7 @@ class ManyRuns:
                 )
         block.status[:] = 0
 
-    def _simulated(
-        self, numbered: list[_Numbered], block: Block, record: Record
-    ) -> tuple[list[_Numbered], Block, Any]:
+    def _simulated(self, numbered: list[_Numbered], block: Block, record: Record) -> tuple[list[_Numbered], Block, Any]:
         """Simulate a block, on a thread of the pool; return its record, or the last states if these are asked for."""
         plan = plan_of(numbered[0].run)
         rows = len(record.torques)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 class Outcome(NamedTuple):
     """One of many runs: what was asked of it, or why it failed."""
 
-    index: int
+    number: int
     """Its place among them."""
     value: Any
     """Its log, its last state, or what a function made of its log; of a run that failed the log so far, if logs were

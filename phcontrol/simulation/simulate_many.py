@@ -135,9 +135,7 @@ def _of_kind(name: str, value: Any, kind: type) -> list[Any] | None:
         )
     for number, one in enumerate(value):
         if not isinstance(one, kind):
-            raise InvalidArgumentError(
-                name, f"must hold {kind.__name__}s, but number {number} is {type(one).__name__}"
-            )
+            raise InvalidArgumentError(name, f"must hold {kind.__name__}s, but number {number} is {type(one).__name__}")
     if not value:
         raise InvalidArgumentError(name, "is empty: there is nothing to run")
     return list(value)
