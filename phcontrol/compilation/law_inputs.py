@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -51,6 +53,43 @@ def _left_alone(thing: Any, name: str) -> bool:
     return name in _LEFT_ALONE or isinstance(getattr(type(thing), name, None), lazy)
 
 
+_MEMORY: ContextVar[dict[Any, Any] | None] = ContextVar("memory", default=None)
+
+
+@contextmanager
+def remembering() -> Iterator[None]:
+    """Look at each law and each arm once meanwhile: they must not be changed in place."""
+    token = _MEMORY.set({})
+    try:
+        yield
+    finally:
+        _MEMORY.reset(token)
+
+
+Question = Callable[[Any, Bodies], Any]
+
+
+def _remembered(ask: Question) -> Any:
+    """Return a function of a law or an arm, and the bodies whose inertias are inputs, that is asked once."""
+
+    @functools.wraps(ask)
+    def asked(thing: Any, inertias: Bodies = NO_BODIES) -> Any:
+        memory = _MEMORY.get()
+        if memory is None:
+            return ask(thing, inertias)
+        key = ask, id(thing), inertias
+        if key not in memory:
+            memory[key] = ask(thing, inertias), thing  # kept alive: by its id it is known
+        return memory[key][0]
+
+    return asked
+
+
+@_remembered
+def _arm(system: MechanicalSystem, inertias: Bodies) -> ArmModel:
+    return ArmModel(system.model)
+
+
 def all_bodies(system: MechanicalSystem, inertias: bool = True) -> Bodies:
     """Return the bodies whose inertias are inputs: all of an arm, or none."""
     return frozenset(range(system.model.njoints - 1)) if inertias else NO_BODIES
@@ -58,12 +97,13 @@ def all_bodies(system: MechanicalSystem, inertias: bool = True) -> Bodies:
 
 def differing_bodies(systems: Sequence[MechanicalSystem]) -> Bodies:
     """Return the bodies whose inertias are not the same in all of some arms."""
-    arms = {id(system): np.array(ArmModel(system.model).inertial_numbers()) for system in systems}
+    arms = {id(system): np.array(_arm(system).inertial_numbers()) for system in systems}
     tables = [numbers.reshape(-1, _PER_BODY) for numbers in arms.values()]
     alike = [table for table in tables if table.shape == tables[0].shape]
     return frozenset(int(k) for table in alike for k in np.flatnonzero((table != alike[0]).any(axis=1)))
 
 
+@_remembered
 def law_numbers(law: Controller, inertias: Bodies = NO_BODIES) -> Array:
     """Return every number that is an input, in its order, shape (m,): those of the law, and of its arm after them.
 
@@ -76,6 +116,7 @@ def law_numbers(law: Controller, inertias: Bodies = NO_BODIES) -> Array:
     return np.concatenate([np.array(found, dtype=np.float64), system_numbers(law.system, inertias)])
 
 
+@_remembered
 def system_numbers(system: MechanicalSystem, inertias: Bodies = NO_BODIES) -> Array:
     """Return every number of an arm that is an input, in its order, shape (m,).
 
@@ -83,9 +124,9 @@ def system_numbers(system: MechanicalSystem, inertias: Bodies = NO_BODIES) -> Ar
     """
     found: list[float] = []
     keep = _keeping(found)
-    keep([value for value in ArmModel(system.model).gravity if value])
+    keep([value for value in _arm(system).gravity if value])
     _with_numbers((system.friction, system.potentials), keep)
-    arm = ArmModel(system.model).inertial_numbers()
+    arm = _arm(system).inertial_numbers()
     for k in sorted(inertias):
         keep(arm[_PER_BODY * k : _PER_BODY * (k + 1)])
     return np.array(found, dtype=np.float64)
@@ -213,6 +254,7 @@ def _places(array: Any) -> Any:
     return np.arange(array.size) if array.ndim == 1 else np.flatnonzero(array)
 
 
+@_remembered
 def structure_of(law: Controller, inertias: Bodies = NO_BODIES) -> list[Any]:
     """Return all of a law, and of its arm, that is code and no input: two laws with the same need one compilation."""
     found: list[Any] = []
@@ -220,6 +262,7 @@ def structure_of(law: Controller, inertias: Bodies = NO_BODIES) -> list[Any]:
     return found
 
 
+@_remembered
 def system_structure(system: MechanicalSystem, inertias: Bodies = NO_BODIES) -> list[Any]:
     """Return all of an arm that is code and no input."""
     found: list[Any] = []
@@ -268,7 +311,7 @@ def _look(root: Any, found: list[Any], own: MechanicalSystem | None, inertias: B
                 look(part)
         elif isinstance(thing, MechanicalSystem):
             mine = thing is own
-            found.extend(ArmModel(thing.model).structure(inertias if mine else NO_BODIES, mine))
+            found.extend(_arm(thing).structure(inertias if mine else NO_BODIES, mine))
             for part in (thing.friction, thing.potentials):
                 (look if mine else look_exactly)(part)
             for part in (thing.coupling, thing.robot.continuous, thing.input_matrix):

@@ -133,12 +133,15 @@ class ManyRuns:
             compiler = compiler_found()
         except CompilationError as error:
             return self._not_compiled(str(error), range(self._count))
+        from phcontrol.compilation.law_inputs import remembering
+
         left: list[int] = []
-        for group in self._groups(left, bar):
-            try:
-                left += self._run_group(group, compiler, bar)
-            except CompilationError as error:
-                left += self._not_compiled(str(error), [index for index in group.indices if index not in self._found])
+        with remembering():
+            for group in self._groups(left, bar):
+                try:
+                    left += self._run_group(group, compiler, bar)
+                except CompilationError as error:
+                    left += self._not_compiled(str(error), [i for i in group.indices if i not in self._found])
         return sorted(left)
 
     def _run(self, index: int, bar: Any) -> Run | None:
