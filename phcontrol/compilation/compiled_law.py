@@ -102,7 +102,10 @@ class CompiledLaw(Controller):
         if structure_of(other, inertias) != self._structure:
             return compile_law(other, **self._options)
         made = _made(other, self._layout, law_numbers(other, inertias), self.report.library, self._options)
-        difference, covered = _checked(made)
+        try:
+            difference, covered = _checked(made)
+        except CompilationError:  # a number that decides a branch may have gone another way
+            return compile_law(other, **self._options)
         made.report = self.report._replace(difference=difference, covered=covered, trace_time=0.0, compile_time=0.0)
         return made
 
@@ -203,7 +206,7 @@ def _bodies(law: Controller, options: dict[str, Any]) -> Bodies:
     """Return the bodies of a law's arm whose inertias are inputs."""
     from phcontrol.compilation.law_inputs import all_bodies
 
-    return all_bodies(law.system, options["inertias"])
+    return all_bodies(law.system, options.get("inertias", False))
 
 
 def _trace(law: Controller, inertias: Bodies) -> TracedLaw:

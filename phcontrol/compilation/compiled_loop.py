@@ -178,6 +178,7 @@ class Block:
         """Set the forces over time, a table for each lane (``signals_of``)."""
         self._signals = [np.ascontiguousarray(table) for table in tables]
         pointers: list[Any] = [table.ctypes.data_as(_VECTOR) if table.size else None for table in self._signals]
+        pointers += [None] * (self.lanes - len(pointers))
         self._tables = (_VECTOR * self.lanes)(*pointers) if any(table.size for table in self._signals) else None
 
     def field(self, t: float, y: Array) -> tuple[Array, Array, Array]:

@@ -103,7 +103,7 @@ def simulate(
     log = run.log()
     if flag("compiled", compiled):
         others = {"a torque filter": torque_filter, "a setpoint": setpoint, "watch": watch}
-        in_c = prepared(run.loop, run.integrator, run.sensors, run.steps * run.dt, others)
+        in_c = prepared(run, others)
         if in_c is not None and _run_in_c(in_c, run, log, progress):
             return log
     loop, dt, steps, y = run.loop, run.dt, run.steps, run.start

@@ -76,28 +76,23 @@ def compiler_found() -> Compiler:
     return compiler
 
 
-def prepared(
-    loop: ClosedLoop, integrator: str, sensors: Sequence[Sensor] | None, span: float, others: dict[str, Any]
-) -> Prepared | None:
-    """Return a closed loop in C; None, with a warning that says why, where it is simulated interpreted.
+def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
+    """Return a run's closed loop in C; None, with a warning that says why, where it is simulated interpreted.
 
     Args:
-        loop: plant, law and what is around.
-        integrator: its name.
-        sensors: of the run.
-        span: how long it runs [s].
+        run: what is simulated.
         others: what else was asked for, by name; what is not None is not compiled.
     """
-    observer, more = observer_among(sensors)
-    problem = obstacles(loop, others | {"sensors": True if more else None})
+    observer, more = observer_among(run.sensors)
+    problem = obstacles(run.loop, others | {"sensors": True if more else None})
     try:
         if problem:
             raise CompilationError(problem)
         compiler = compiler_found()
         from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
 
-        arrangement, signals = arranged(loop, observer, integrator not in EXPLICIT)
-        made = compiled_loop(arrangement, loop, span, compiler)
+        arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
+        made = compiled_loop(arrangement, run, compiler)
         return Prepared(made, numbers_of_arrangement(arrangement), signals)
     except CompilationError as error:
         say_interpreted(str(error))
@@ -109,24 +104,47 @@ def say_interpreted(reason: str) -> None:
     warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=4)
 
 
-def compiled_loop(
-    arrangement: Arrangement, loop: ClosedLoop, span: float, compiler: Compiler, lanes: bool = False
-) -> CompiledLoop:
-    """Return an arrangement in C, made now or before, held against the interpreted loop at random instants.
+def compiled_loop(arrangement: Arrangement, run: Run, compiler: Compiler, lanes: bool = False) -> CompiledLoop:
+    """Return an arrangement in C, made now or before, for a run that has it.
+
+    It is held against the interpreted loop at random instants when it is made, and where the run starts.
 
     Raises CompilationError where it cannot be made, or is not the same.
     """
     from phcontrol.compilation.compiled_loop import CompiledLoop
 
     structure = arrangement.structure
-    made = next((known for known in _LOOPS if known.structure == structure and known.compiler == compiler), None)
-    if made is None:
-        made = CompiledLoop(arrangement, span, compiler)
+    alike = [known for known in _LOOPS if known.structure == structure and known.compiler == compiler]
+    made = next((known for known in alike if _starts(known, arrangement, run, bool(known.checked - {False}))), None)
+    if made is None:  # or where numbers decide a branch, and do so otherwise
+        made = CompiledLoop(arrangement, run.steps * run.dt, compiler)
     if lanes not in made.checked:
-        _check(made, arrangement, loop, lanes)
+        _check(made, arrangement, run.loop, lanes)
         made.checked.add(lanes)
     _LOOPS[:] = [made, *(known for known in _LOOPS if known is not made)][:_KEPT]
     return made
+
+
+def _starts(made: CompiledLoop, arrangement: Arrangement, run: Run, lanes: bool) -> bool:
+    """Return whether a loop has the branch that a run starts with. Raises CompilationError where it is wrong there."""
+    from phcontrol.compilation.compiled_loop import NOT_COMPILED, numbers_of_arrangement
+
+    block = made.block([numbers_of_arrangement(arrangement)], lanes)
+    set_up(block, [run.loop], [signals_of(run.loop.disturbance, run.loop.n)])
+    found = block.field(0.0, run.start[:, None])
+    if block.status[0]:
+        return bool(block.status[0] != NOT_COMPILED)
+    rate, torque, force = (part[:, :1] for part in found)
+    refuse_beyond(difference_at(run.loop, bool(run.sensors), 0.0, run.start, (rate, torque, force)))
+    return True
+
+
+def refuse_beyond(difference: float) -> None:
+    """Raise CompilationError where a loop differs too much from the interpreted one."""
+    if not difference <= TOLERANCE:
+        raise CompilationError(
+            f"the loop as compiled is refused: it differs from the interpreted one by {difference:.1e}"
+        )
 
 
 def _instants(arrangement: Arrangement) -> Iterator[tuple[float, Array]]:
@@ -157,8 +175,7 @@ def _check(made: CompiledLoop, arrangement: Arrangement, loop: ClosedLoop, lanes
             continue
         looked += 1
         worst = max(worst, difference_at(loop, arrangement.observer is not None, t, y, found))
-    if not looked or not worst <= TOLERANCE:
-        raise CompilationError(f"the loop as compiled is refused: it differs from the interpreted one by {worst:.1e}")
+    refuse_beyond(worst if looked else np.nan)
 
 
 def difference_at(loop: ClosedLoop, observed: bool, t: float, y: Array, found: tuple[Array, Array, Array]) -> float:

@@ -12,7 +12,6 @@ import numpy as np
 from tqdm import tqdm
 
 from phcontrol._validation import Array
-from phcontrol.compilation.compiled_law import TOLERANCE
 from phcontrol.compilation.compiler import Compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals
@@ -28,6 +27,7 @@ from phcontrol.simulation.compiled_run import (
     observer_among,
     obstacles,
     plan_of,
+    refuse_beyond,
     set_up,
 )
 from phcontrol.simulation.log import Log
@@ -211,9 +211,7 @@ class ManyRuns:
             try:
                 for numbered in self._blocks(group, left, bar):
                     if made is None:
-                        run = numbered[0].run
-                        span = run.steps * run.dt
-                        made = compiled_loop(group.arrangement, run.loop, span, compiler, many)
+                        made = compiled_loop(group.arrangement, numbered[0].run, compiler, many)
                     block = self._block(made, numbered, many)
                     waiting.append(pool.submit(self._simulated, *block))
                     while len(waiting) > _AHEAD * self._workers or (waiting and waiting[0].done()):
@@ -282,11 +280,8 @@ class ManyRuns:
                 continue  # of another status the run will speak
             self._verified[id(one.numbers)] = one.numbers  # kept alive: by its id it is known
             rate, torque, force = (part[:, lane : lane + 1] for part in found)
-            own = difference_at(one.run.loop, bool(one.run.sensors), 0.0, one.run.start, (rate, torque, force))
-            if not own <= TOLERANCE:
-                raise CompilationError(
-                    f"the loop as compiled is refused: it differs from the interpreted one by {own:.1e}"
-                )
+            observed = bool(one.run.sensors)
+            refuse_beyond(difference_at(one.run.loop, observed, 0.0, one.run.start, (rate, torque, force)))
         block.status[:] = 0
 
     def _simulated(self, numbered: list[_Numbered], block: Block, record: Record) -> tuple[list[_Numbered], Block, Any]:

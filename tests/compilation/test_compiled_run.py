@@ -19,6 +19,7 @@ from phcontrol import (
     MechanicalSystem,
     MinimumJerk,
     MomentumObserver,
+    Positive,
     Pulse,
     RigidBody,
     Sampled,
@@ -250,6 +251,21 @@ def test_a_sweep_of_gains_needs_one_trace(shoulder, monkeypatch):
     for stiffness in (10.0, 40.0):
         both(shoulder, law.changed(stiffness=stiffness), duration=0.1)
     both(shoulder, law, duration=0.1)
+
+
+class Scaled(EnergyShaping):
+    name = "scaled"
+    factor: Positive = Positive("c", "", default=1.0)
+
+    def shape(self, t, x, state, measured):
+        shaping = super().shape(t, x, state, measured)
+        return shaping._replace(effort=(self.factor if self.factor > 0.5 else 0.5) * shaping.effort)
+
+
+def test_a_number_that_decides_a_branch_otherwise_is_compiled_anew(shoulder):
+    law = Scaled.tuned(shoulder, goal=[0.4, 0.6])
+    for factor in (1.0, 0.8, 0.2, 0.1, 1.0):
+        both(shoulder, law.changed(factor=factor), duration=0.05)
 
 
 class Jumping(EnergyShaping):
