@@ -77,6 +77,7 @@ class ManyRuns:
         self._found: dict[int, Outcome] = {}
         self._reasons: dict[str, int] = {}
         self._verified: dict[int, Array] = {}
+        self._runs: dict[int, Run] = {}
 
     def outcomes(self, in_c: bool, progress: bool | None) -> list[Outcome]:
         """Simulate all and return what became of them, in their order."""
@@ -146,6 +147,8 @@ class ManyRuns:
 
     def _run(self, index: int, bar: Any) -> Run | None:
         """Return a run, or None where its arguments are refused, which is its outcome."""
+        if index in self._runs:
+            return self._runs.pop(index)
         try:
             return Run(**self._arguments(index))
         except PHControlError as error:
@@ -179,6 +182,7 @@ class ManyRuns:
                 left += self._not_compiled(str(error), [index])
                 continue
             known[key], members[key] = arrangement, [index]
+            self._runs[index] = run  # is needed once more
         varied = differing_bodies([one.plant for one in known.values()])
         varied |= differing_bodies([one.law.system for one in known.values()])
         groups: list[tuple[list[Any], _Group]] = []
@@ -285,7 +289,10 @@ class ManyRuns:
         block.status[:] = 0
 
     def _simulated(self, numbered: list[_Numbered], block: Block, record: Record) -> tuple[list[_Numbered], Block, Any]:
-        """Simulate a block, on a thread of the pool; return its record, or the last states if these are asked for."""
+        """Simulate a block, on a thread of the pool; return the last states, and its record with lanes first.
+
+        Without the record where the last states alone are asked for.
+        """
         plan = plan_of(numbered[0].run)
         rows = len(record.torques)
         last = np.zeros(record.states.shape[1:])
@@ -297,7 +304,9 @@ class ManyRuns:
                     last[:, lane] = record.states[row, :, lane]
 
         advance(block, plan, record, sink, rows)
-        return numbered, block, last if self._measure == "final_state" else (record, last)
+        if self._measure == "final_state":
+            return numbered, block, (last, [])
+        return numbered, block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
 
     def _take(self, done: Future[tuple[list[_Numbered], Block, Any]], bar: Any) -> list[int]:
         """Look at a block that has come to its end; return those that must be simulated interpreted after all."""
@@ -307,7 +316,7 @@ class ManyRuns:
         left: list[int] = []
         for lane, (index, run, *_) in enumerate(numbered):
             status, reached = int(block.status[lane]), int(block.reached[lane])
-            last = result[:, lane] if self._measure == "final_state" else result[1][:, lane]
+            last = result[0][:, lane]
             wild = not np.abs(last).max(initial=0.0) < DIVERGED
             if status == NO_SOLUTION:
                 left += self._not_compiled("an implicit step is not found by iteration", [index])
@@ -324,14 +333,14 @@ class ManyRuns:
             elif error and self._measure != "log":
                 self._found[index] = Outcome(index, None, error, True)
             else:
-                log = self._log(run, result[0], lane, reached + 1)
+                log = self._log(run, [part[lane] for part in result[1]], reached + 1)
                 self._found[index] = Outcome(index, log, error, True) if error else self._measured(index, log, True)
             bar.update()
         return left
 
     @staticmethod
-    def _log(run: Run, record: Record, lane: int, samples: int) -> Log:
+    def _log(run: Run, parts: list[Array], samples: int) -> Log:
         log = run.log()
-        log.fill(0, run.dt, *(part[:samples, :, lane] for part in record))
+        log.fill(0, run.dt, *(part[:samples] for part in parts))
         log.end(samples)
         return log if samples == run.steps + 1 else log.truncated()

@@ -28,7 +28,9 @@ from phcontrol import (
 )
 from phcontrol.compilation import compiled_loop
 from phcontrol.compilation.lanes import LANES
+from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.simulation import compiled_run
+from tests.conftest import make_system
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -280,3 +282,31 @@ def test_a_run_that_is_wrong_at_its_start_is_refused(shoulder, monkeypatch):
     with pytest.warns(CompilationWarning, match="runs are simulated interpreted: the loop as compiled is refused"):
         outcomes = simulate_many(shoulder, law, q0=np.zeros((2, 2)), duration=0.02)
     assert not any(outcome.compiled for outcome in outcomes)
+
+
+QUICK = [("tracking", "canonical"), ("integral_action", "coriolis"), ("total_force_rejection", "coriolis")]
+
+
+@pytest.mark.parametrize(("name", "form"), QUICK)
+def test_a_few_laws_in_lanes(name, form, shoulder, rng):
+    in_lanes(shoulder, make_controller(name, shoulder, interconnection=form), rng)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("arm", ["pera_gripper", "pera_shoulder_elbow", "panda"])
+@pytest.mark.parametrize("name", [name for name, entry in CONTROLLERS.items() if entry.law.run == "position"])
+def test_every_law_in_lanes(name, arm, rng):
+    system = make_system(arm)
+    for form in CONTROLLERS[name].law.forms:
+        in_lanes(system, make_controller(name, system, interconnection=form, goal=system.robot.near_home()), rng)
+
+
+def in_lanes(system, law, rng):
+    """Check that runs in lanes are the interpreted ones, and to 1e-13 the compiled ones by themselves."""
+    q0 = system.robot.near_home() + 0.05 * rng.normal(size=(3, system.n))
+    options = {"duration": 0.1, "dt": 5e-4, "disturbance": 0.1 * rng.normal(size=system.n)}
+    outcomes = simulate_many(system, law, q0=q0, **options)
+    compare(outcomes, {"system": [system] * 3, "controller": [law] * 3, "q0": q0}, every=2, **options)
+    alone = simulate(system, law, q0=q0[1], compiled=True, **options)
+    np.testing.assert_allclose(outcomes[1].value.position, alone.position, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(outcomes[1].value.velocity, alone.velocity, rtol=0.0, atol=1e-12)
