@@ -21,6 +21,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _LEFT_ALONE = ("_given", "_found", "parameters")
+_REMEMBERED = 1024  # answers
 _PER_BODY = 10  # numbers of an inertia
 
 Bodies = frozenset[int]
@@ -79,6 +80,8 @@ def _remembered(ask: Question) -> Any:
             return ask(thing, inertias)
         key = ask, id(thing), inertias
         if key not in memory:
+            if len(memory) >= _REMEMBERED:
+                del memory[next(iter(memory))]
             memory[key] = ask(thing, inertias), thing  # kept alive: by its id it is known
         return memory[key][0]
 

@@ -99,9 +99,9 @@ def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
         return None
 
 
-def say_interpreted(reason: str) -> None:
-    """Warn that a run is simulated interpreted."""
-    warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=4)
+def say_interpreted(reason: str, level: int = 4) -> None:
+    """Warn that a run is simulated interpreted, at the line of the caller so many levels up."""
+    warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=level)
 
 
 def compiled_loop(arrangement: Arrangement, run: Run, compiler: Compiler, lanes: bool = False) -> CompiledLoop:
@@ -240,7 +240,7 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
     advance(block, plan, record, shown, chunk)
     status, reached = int(block.status[0]), int(block.reached[0])
     if status == NOT_COMPILED and last < DIVERGED:
-        say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled")
+        say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled", 5)
     if status == NO_SOLUTION:
-        say_interpreted(f"at t = {reached * plan.dt:g} s the implicit step is not found by iteration")
+        say_interpreted(f"at t = {reached * plan.dt:g} s the implicit step is not found by iteration", 5)
     return status == DONE

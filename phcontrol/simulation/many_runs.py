@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 MEASURES = ("log", "final_state")
 """What can be asked of a run by name."""
 _CHUNK = 512  # samples that are kept of a run whose end alone is asked for
-_AHEAD = 2  # blocks for each thread that are prepared or wait to be looked at
+_AHEAD = 1  # blocks beside one for each thread that are prepared or wait to be looked at
 
 Measure = str | Callable[[Log], Any]
 
@@ -53,6 +53,8 @@ class _Numbered(NamedTuple):
     run: Run
     numbers: Array
     signals: Signals
+    key: Any
+    """What tells its numbers from those of others."""
 
 
 class _Group(NamedTuple):
@@ -76,7 +78,7 @@ class ManyRuns:
         self._arguments, self._count, self._measure, self._workers = arguments, count, measure, workers
         self._found: dict[int, Outcome] = {}
         self._reasons: dict[str, int] = {}
-        self._verified: dict[int, Array] = {}
+        self._verified: set[Any] = set()
         self._runs: dict[int, Run] = {}
 
     def outcomes(self, in_c: bool, progress: bool | None) -> list[Outcome]:
@@ -89,7 +91,7 @@ class ManyRuns:
             for reason, count in self._reasons.items():
                 warnings.warn(
                     f"{count} of {self._count} runs are simulated interpreted: {reason}", CompilationWarning,
-                    stacklevel=4,
+                    stacklevel=3,
                 )  # fmt: skip
             for index in left:
                 self._found[index] = self._interpreted(index)
@@ -218,7 +220,7 @@ class ManyRuns:
                         made = compiled_loop(group.arrangement, numbered[0].run, compiler, many)
                     block = self._block(made, numbered, many)
                     waiting.append(pool.submit(self._simulated, *block))
-                    while len(waiting) > _AHEAD * self._workers or (waiting and waiting[0].done()):
+                    while len(waiting) > _AHEAD + self._workers or (waiting and waiting[0].done()):
                         left += self._take(waiting.popleft(), bar)
                 while waiting:
                     left += self._take(waiting.popleft(), bar)
@@ -233,7 +235,6 @@ class ManyRuns:
         from phcontrol.compilation.lanes import LANES
 
         size = LANES if len(group.indices) > 1 else 1
-        numbers: dict[Any, Array] = {}
         gathered: list[_Numbered] = []
         for index in group.indices:
             run = self._run(index, bar)
@@ -245,10 +246,8 @@ class ManyRuns:
             except CompilationError as error:
                 left += self._not_compiled(str(error), [index])
                 continue
-            key = self._key(index)
-            if key not in numbers:
-                numbers[key] = numbers_of_arrangement(arrangement._replace(varied=group.arrangement.varied))
-            gathered.append(_Numbered(index, run, numbers[key], signals))
+            numbers = numbers_of_arrangement(arrangement._replace(varied=group.arrangement.varied))
+            gathered.append(_Numbered(index, run, numbers, signals, self._key(index)))
             if len(gathered) == size:
                 yield gathered
                 gathered = []
@@ -257,44 +256,45 @@ class ManyRuns:
 
     def _block(
         self, made: CompiledLoop, numbered: list[_Numbered], many: bool
-    ) -> tuple[list[_Numbered], Block, Record]:
-        """Return runs in a block, ready to go: those of new numbers are held against the interpreted loop first."""
-        from phcontrol.compilation.compiled_loop import Record
+    ) -> tuple[CompiledLoop, list[_Numbered], Block, Array]:
+        """Return runs in a block, and where they start: those of new numbers are held against the interpreted loop."""
         from phcontrol.compilation.lanes import LANES
 
         size = LANES if many else 1
         filled = [*numbered, *[numbered[-1]] * (size - len(numbered))]
         block = made.block([one.numbers for one in filled], many)
         set_up(block, [one.run.loop for one in filled], [one.signals for one in filled])
-        run = numbered[0].run
-        rows = min(_CHUNK, run.steps + 1) if self._measure == "final_state" else run.steps + 1
-        record = Record.empty(made, rows, block.lanes, bool(run.sensors))
-        for lane, one in enumerate(filled):
-            record.states[0, :, lane] = one.run.start
-        self._verify(block, numbered, record)
-        return numbered, block, record
+        start = np.stack([one.run.start for one in filled], axis=-1)
+        self._verify(block, numbered, start)
+        return made, numbered, block, start
 
-    def _verify(self, block: Block, numbered: list[_Numbered], record: Record) -> None:
+    def _verify(self, block: Block, numbered: list[_Numbered], start: Array) -> None:
         """Raise CompilationError where a run is not the interpreted one at its start; each set of numbers once."""
-        if all(id(one.numbers) in self._verified for one in numbered):
+        if all(one.key in self._verified for one in numbered):
             return
-        found = block.field(0.0, record.states[0])
+        found = block.field(0.0, start)
         for lane, one in enumerate(numbered):
-            if id(one.numbers) in self._verified or block.status[lane]:
+            if one.key in self._verified or block.status[lane]:
                 continue  # of another status the run will speak
-            self._verified[id(one.numbers)] = one.numbers  # kept alive: by its id it is known
+            self._verified.add(one.key)
             rate, torque, force = (part[:, lane : lane + 1] for part in found)
             observed = bool(one.run.sensors)
             refuse_beyond(difference_at(one.run.loop, observed, 0.0, one.run.start, (rate, torque, force)))
         block.status[:] = 0
 
-    def _simulated(self, numbered: list[_Numbered], block: Block, record: Record) -> tuple[list[_Numbered], Block, Any]:
+    def _simulated(
+        self, made: CompiledLoop, numbered: list[_Numbered], block: Block, start: Array
+    ) -> tuple[list[_Numbered], Block, Any]:
         """Simulate a block, on a thread of the pool; return the last states, and its record with lanes first.
 
         Without the record where the last states alone are asked for.
         """
-        plan = plan_of(numbered[0].run)
-        rows = len(record.torques)
+        from phcontrol.compilation.compiled_loop import Record
+
+        run = numbered[0].run
+        rows = min(_CHUNK, run.steps + 1) if self._measure == "final_state" else run.steps + 1
+        record = Record.empty(made, rows, block.lanes, bool(run.sensors))
+        record.states[0] = start
         last = np.zeros(record.states.shape[1:])
 
         def sink(first: int, count: int, record: Record) -> None:
@@ -303,7 +303,7 @@ class ManyRuns:
                 if 0 <= row < count:
                     last[:, lane] = record.states[row, :, lane]
 
-        advance(block, plan, record, sink, rows)
+        advance(block, plan_of(run), record, sink, rows)
         if self._measure == "final_state":
             return numbered, block, (last, [])
         return numbered, block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
