@@ -109,7 +109,9 @@ from .setpoints.setpoint import Setpoint
 from .simulation.closed_loop import simulate
 from .simulation.integrators import INTEGRATORS
 from .simulation.log import Log
+from .simulation.outcome import Outcome
 from .simulation.power_balance import PowerBalance
+from .simulation.simulate_many import simulate_many
 from .simulation.simulation_error import SimulationError, SimulationInterrupted
 from .tanks.action import Action
 from .tanks.energy_tank import EnergyTank
@@ -249,6 +251,7 @@ __all__ = [
     "NotTraceableError",
     "ObjectLostError",
     "ObservedObject",
+    "Outcome",
     "PHControlError",
     "PacketFaults",
     "Parameter",
@@ -348,6 +351,7 @@ __all__ = [
     "register",
     "resolved_motion",
     "simulate",
+    "simulate_many",
     "transformed_system",
     "virtual_position",
     "with_tank",

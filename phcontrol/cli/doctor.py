@@ -13,7 +13,7 @@ import typer
 from phcontrol._lazy import lazy
 from phcontrol._version import __version__
 from phcontrol.cli.options import JsonOption
-from phcontrol.compilation.cache import cache_folder, problem_of
+from phcontrol.compilation.cache import LARGEST, cache_folder, problem_above, problem_of
 from phcontrol.compilation.caller import CALLER
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.mechanics.kernels import KERNELS
@@ -77,7 +77,7 @@ def _cache(missing: list[str]) -> str:
     try:
         if not folder.exists():
             return f"{folder}: empty"
-        problem = problem_of(folder)
+        problem = problem_of(folder) or problem_above(folder)
         objects = list(folder.glob("*.so"))
         size = sum(path.stat().st_size for path in objects)
     except OSError as error:
@@ -85,7 +85,7 @@ def _cache(missing: list[str]) -> str:
     if problem:
         missing.append(f"a cache that is the user's alone, for compile_law: {folder}: {problem}")
         return f"{folder}: refused, {problem}"
-    return f"{folder}: {len(objects)} laws, {size / 1e6:.1f} MB"
+    return f"{folder}: {len(objects)} laws and loops, {size / 2**20:.1f} of at most {LARGEST / 2**20:.0f} MB"
 
 
 def _version(package: str) -> str:

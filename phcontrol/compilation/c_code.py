@@ -23,6 +23,10 @@ _UNARY = {
     "OP_NEG": "-{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "{0} + {0}", "OP_INV": "{1} / {0}",
     "OP_SIGN": "(real)(({0} > 0) - ({0} < 0))", "OP_NOT": "(real)!{0}",
 }  # fmt: skip
+_LANE_UNARY = {
+    "OP_NEG": "-{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "{0} + {0}", "OP_INV": "1.0 / {0}",
+    "OP_SIGN": "TRUTH({0} > 0.0) - TRUTH({0} < 0.0)", "OP_NOT": "TRUTH({0} == 0.0)",
+}  # fmt: skip
 _NAMES = (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO")
 _OPERATIONS = {getattr(casadi, name): name for name in _NAMES if hasattr(casadi, name)}
 _LARGEST_FLOAT = 3.4028234e38
@@ -38,6 +42,15 @@ class Function(NamedTuple):
     text: str
     operations: int
     """How many arithmetic operations it does at most."""
+
+
+class Branch(NamedTuple):
+    """One way through a computation."""
+
+    guards: list[Any]
+    """Expressions that are all 1 where it is the way."""
+    outputs: list[Any]
+    """Expressions."""
 
 
 def literal(value: float, single: bool) -> str:
@@ -57,11 +70,14 @@ def literal(value: float, single: bool) -> str:
     return f"({text})" if value < 0 else text
 
 
-def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any], single: bool = False) -> Function:
+def function(
+    name: str, inputs: list[Any], guards: list[Any], outputs: list[Any], single: bool = False, lanes: bool = False
+) -> Function:
     """Return ``static int name(...)``: it fills ``out`` and returns 1, or 0 where a guard does not hold.
 
     Guards come first, so that a way that is not the law's is left early. Every intermediate is a constant of its own:
-    no memory, no loop, no branch but the guards.
+    no memory, no loop, no branch but the guards. With ``lanes`` numbers are vectors of several runs, see
+    ``lanes.PRELUDE``, and a mask is returned of those whose guards hold.
     """
     wanted = casadi.vertcat(casadi.SX(0, 1), *guards, *outputs)
     made = casadi.Function("f", inputs, [casadi.cse(wanted)])
@@ -75,12 +91,14 @@ def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any]
         if code == casadi.OP_OUTPUT:
             place, value = made.instruction_output(k)[1], names[made.instruction_input(k)[0]]
             if place < len(guards):
-                line = f"if (!({value} != 0)) return 0;"
+                line = f"ok &= {value} != 0.0;" if lanes else f"if (!({value} != 0)) return 0;"
                 if line not in looked:
                     lines.append(line)
                 looked.add(line)
             else:
-                lines.append(f"out[{place - len(guards)}] = {value};")
+                if lanes and guards and place == len(guards):
+                    lines.append("if (!any(ok)) return ok;")
+                lines.append(f"out[{place - len(guards)}] = {_of_lanes(value) if lanes else value};")
             continue
         target = made.instruction_output(k)[0]
         if code == casadi.OP_CONST:
@@ -91,17 +109,25 @@ def function(name: str, inputs: list[Any], guards: list[Any], outputs: list[Any]
             names[target] = "t" if which == 0 else f"{INPUTS[which]}[{place}]"
             continue
         operands = [names[index] for index in made.instruction_input(k)]
+        if lanes:
+            lines.append(f"const real a{count} = {_lane_expression(code, operands)};")
+            names[target] = f"a{count}"
+            count, operations = count + 1, operations + 1
+            continue
         lines.append(f"const real a{count} = {_expression(code, operands, suffix, one)};")
         names[target] = f"a{count}"
         count, operations = count + 1, operations + 1
     # what no output was written for is zero throughout
     written = {line.partition("[")[2].partition("]")[0] for line in lines if line.startswith("out[")}
-    lines += [f"out[{k}] = {literal(0.0, single)};" for k in range(len(outputs)) if str(k) not in written]
+    zero = _of_lanes(literal(0.0, single)) if lanes else literal(0.0, single)
+    lines += [f"out[{k}] = {zero};" for k in range(len(outputs)) if str(k) not in written]
     body = "\n  ".join(lines)
     arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
     unused = " ".join(f"(void){name};" for name in INPUTS)
+    kind, first, last = ("mask", "mask ok = EVERY; ", "ok") if lanes else ("int", "", "1")
     return Function(
-        f"static int {name}({arguments}) {{\n  {unused} (void)out;\n  {body}\n  return 1;\n}}\n", operations
+        f"static {kind} {name}({arguments}) {{\n  {first}{unused} (void)out;\n  {body}\n  return {last};\n}}\n",
+        operations,
     )
 
 
@@ -118,6 +144,57 @@ def _expression(code: int, operands: list[str], suffix: str, one: str) -> str:
     if name == "OP_IF_ELSE_ZERO":
         return f"{operands[0]} != 0 ? {operands[1]} : 0"
     raise NotTraceableError(f"operation {code} of CasADi is not written as C")
+
+
+def _of_lanes(value: str) -> str:
+    """Return a value as a vector: a number is the same in all lanes."""
+    return value if value[0].isalpha() and value not in ("NAN", "INFINITY") else f"SAME({value})"
+
+
+def _lane_expression(code: int, operands: list[str]) -> str:
+    """Return an operation on vectors; of infix operators one side may be a plain number."""
+    name = _OPERATIONS.get(code)
+    vectors = [_of_lanes(value) for value in operands]
+    plain = all(one != other for one, other in zip(vectors, operands, strict=True))
+    mixed = vectors if plain else operands
+    if name in _INFIX:
+        return f" {_INFIX[name]} ".join(mixed)
+    if name in ("OP_AND", "OP_OR"):
+        return f"TRUTH(({vectors[0]} != 0.0) {'&' if name == 'OP_AND' else '|'} ({vectors[1]} != 0.0))"
+    if name in _COMPARE:
+        return f"TRUTH({mixed[0]} {_COMPARE[name]} {mixed[1]})"
+    if name in _CALLS:
+        return f"v_{_CALLS[name]}({', '.join(vectors)})"
+    if name in _LANE_UNARY:
+        return _LANE_UNARY[name].format(vectors[0])
+    if name == "OP_IF_ELSE_ZERO":
+        return f"choose({vectors[0]} != 0.0, {vectors[1]}, SAME(0.0))"
+    raise NotTraceableError(f"operation {code} of CasADi is not written as C")
+
+
+def ways(name: str, inputs: list[Any], traces: list[Branch], lanes: bool) -> Function:
+    """Return ``static mask name(wanted, ...)``: the first way whose guards hold fills ``out``, lane by lane.
+
+    Returned is where one was found; it is enough to find one in the lanes that are wanted.
+    """
+    functions = [
+        function(f"{name}_{k}", inputs, trace.guards, trace.outputs, lanes=lanes) for k, trace in enumerate(traces)
+    ]
+    size, names = len(traces[0].outputs), ", ".join(INPUTS)
+    arguments = ", ".join(("mask wanted", "real t", *(f"const real *{one}" for one in INPUTS[1:]), "real *out"))
+    lines = [f"mask ok = WAY({name}_0({names}, out));"]
+    if len(functions) > 1:
+        lines += ["if (!any(wanted & ~ok)) return ok;", f"real other[{size or 1}];", "mask also;"]
+    for k in range(1, len(functions)):
+        lines += [
+            f"also = WAY({name}_{k}({names}, other)) & ~ok;",
+            f"for (int i = 0; i < {size}; i++) out[i] = choose(also, other[i], out[i]);",
+            "ok |= also;",
+            "if (!any(wanted & ~ok)) return ok;",
+        ]
+    body = "\n  ".join(lines)
+    text = f"static mask {name}({arguments}) {{\n  (void)wanted;\n  {body}\n  return ok;\n}}\n"
+    return Function("\n".join([*(one.text for one in functions), text]), max(one.operations for one in functions))
 
 
 def variant(name: str, law: TracedLaw, trace: Trace, single: bool = False) -> Function:

@@ -26,6 +26,7 @@ from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.sensors.measured import NOTHING, Measured
 
 if TYPE_CHECKING:
+    from phcontrol.compilation.law_inputs import Bodies
     from phcontrol.compilation.trace import Layout, TracedLaw
 
 TOLERANCE = 1e-9
@@ -97,11 +98,14 @@ class CompiledLaw(Controller):
         """Return another law compiled: by the same code where that is the same, else anew."""
         from phcontrol.compilation.law_inputs import law_numbers, structure_of
 
-        inertias = self._options.get("inertias", False)
+        inertias = _bodies(other, self._options)
         if structure_of(other, inertias) != self._structure:
             return compile_law(other, **self._options)
         made = _made(other, self._layout, law_numbers(other, inertias), self.report.library, self._options)
-        difference, covered = _checked(made)
+        try:
+            difference, covered = _checked(made)
+        except CompilationError:  # a number that decides a branch may have gone another way
+            return compile_law(other, **self._options)
         made.report = self.report._replace(difference=difference, covered=covered, trace_time=0.0, compile_time=0.0)
         return made
 
@@ -156,11 +160,12 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
     say = _Progress(progress)
     start = time.perf_counter()
     say(f"{controller.name}: tracing")
-    traced = _trace(controller, inertias)
-    source, structure = law_source(traced), structure_of(controller, inertias)
+    options = {"inertias": inertias, "native": native, "progress": progress}
+    bodies = _bodies(controller, options)
+    traced = _trace(controller, bodies)
+    source, structure = law_source(traced), structure_of(controller, bodies)
     traced_at = time.perf_counter()
     say(f"{controller.name}: compiling {len(source.text) / 1000:.0f} kB of C")
-    options = {"inertias": inertias, "native": native, "progress": progress}
 
     def loaded(library: Path) -> tuple[CompiledLaw, float, float]:
         made = _made(controller, traced.layout, traced.numbers, library, options)
@@ -173,8 +178,8 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
     except CompilationError:
         discard(library)  # of an earlier time
         raise
-    if structure_of(controller, inertias) != structure or not np.array_equal(
-        law_numbers(controller, inertias), traced.numbers
+    if structure_of(controller, bodies) != structure or not np.array_equal(
+        law_numbers(controller, bodies), traced.numbers
     ):
         raise CompilationError(f"{controller.name} cannot be compiled: it changes while it is evaluated")
     made.report = CompilationReport(
@@ -197,7 +202,14 @@ def need_casadi() -> None:
         raise CompilationError(f"casadi is needed to write a law down as C: {INSTALL}")
 
 
-def _trace(law: Controller, inertias: bool) -> TracedLaw:
+def _bodies(law: Controller, options: dict[str, Any]) -> Bodies:
+    """Return the bodies of a law's arm whose inertias are inputs."""
+    from phcontrol.compilation.law_inputs import all_bodies
+
+    return all_bodies(law.system, options.get("inertias", False))
+
+
+def _trace(law: Controller, inertias: Bodies) -> TracedLaw:
     from phcontrol.compilation.instants import instants
     from phcontrol.compilation.trace import trace_law
 
@@ -224,7 +236,7 @@ def _made(law: Controller, layout: Layout, numbers: Array, library: Path, option
     from phcontrol.compilation.law_inputs import structure_of
 
     made.interpreted, made._layout, made._options = law, layout, options
-    made._structure = structure_of(law, options.get("inertias", False))
+    made._structure = structure_of(law, _bodies(law, options))
     force, total, features = (sizes.get(name, 0) for name in Measured._fields)
     lengths = force, total, features
     made.step = Caller(address or 0, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded)

@@ -1,246 +1,284 @@
-"""Plant and law as one loop in C: integrated, sampled and recorded there."""
+"""Plant, law and what is around them as one loop in C: integrated, sampled and recorded there."""
 
 from __future__ import annotations
 
-import copy
 import ctypes
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import casadi
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.compilation.c_code import Function, function, law_source
+from phcontrol.compilation import loop_texts
+from phcontrol.compilation.c_code import ways
 from phcontrol.compilation.cache import compiled
 from phcontrol.compilation.compiler import Compiler
 from phcontrol.compilation.errors import CompilationError
 from phcontrol.compilation.instants import instants
-from phcontrol.compilation.law_inputs import law_numbers, structure_of
-from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
-from phcontrol.compilation.trace import TracedLaw, trace_law
-from phcontrol.compilation.traced_state import TracedState, traced_system
-from phcontrol.compilation.tracing import classes_of, refusal, tracing
+from phcontrol.compilation.lanes import LANES, prelude
+from phcontrol.compilation.law_inputs import (
+    NO_BODIES,
+    Bodies,
+    law_numbers,
+    structure_of,
+    structure_of_things,
+    system_structure,
+)
+from phcontrol.compilation.loop_parts import Part, arm_parts, observer_parts, surroundings_part
+from phcontrol.compilation.trace import trace_law
 from phcontrol.controllers.controller import Controller
+from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.momentum_observer import MomentumObserver
 
-METHODS = ("semi_implicit_euler", "rk4")
+METHODS = ("semi_implicit_euler", "rk4", "implicit_midpoint", "discrete_gradient")
 """The integrators that there are in C."""
-DONE, NOT_COMPILED, NOT_FINITE = 0, 1, 2
-"""What a run in C says: whether it came to its end, where a branch is not compiled, where it diverged."""
+EXPLICIT = METHODS[:2]
+DONE, NOT_COMPILED, NOT_FINITE, NO_SOLUTION = 0, 1, 2, 3
+"""What a run in C says: whether it came to its end, where a branch is not compiled, where it diverged, where an
+implicit step was not found by iteration."""
 
 TRACED = 48
 """At how many instants a law is traced."""
 _VECTOR = ctypes.POINTER(ctypes.c_double)
+_SIGNALS = ctypes.POINTER(_VECTOR)
+_INTEGERS = ctypes.POINTER(ctypes.c_longlong)
+_ALIGNED = 64  # bytes
 
-_LOOP = """
-#define N {joints}
-#define S {states}
-#define Y (2 * N + S)
 
-/* Torque of the law, clipped, and the rate of its state. */
-static int act(double t, const double *y, const double *f, const double *p, const double *limit, double *u,
-               double *rate) {{
-  double m[{measured_room}] = {{0}}, out[N + S];
-  for (int i = 0; i < Y; i++)
-    if (!isfinite(y[i])) return 2;
-  {measure}
-  if (!phcontrol_law(t, y, y + N, y + 2 * N, m, p, out)) return 1;
-  for (int i = 0; i < N + S; i++)
-    if (!isfinite(out[i])) return 2;
-  for (int i = 0; i < N; i++) u[i] = limit ? fmin(fmax(out[i], -limit[i]), limit[i]) : out[i];
-  for (int i = 0; i < S; i++) rate[i] = out[N + i];
-  return 0;
-}}
+class Arrangement(NamedTuple):
+    """What is simulated: two arrangements with the same structure need one compilation."""
 
-/* dy/dt, and the torque that makes it: the held one, or the law's. */
-static int field(double t, const double *y, const double *held, const double *f, const double *p, const double *limit,
-                 double *u, double *dy) {{
-  double m[2 * N];
-  for (int i = 0; i < Y - 2 * N; i++) dy[2 * N + i] = 0.0;
-  if (held) {{
-    for (int i = 0; i < N; i++) u[i] = held[i];
-  }} else {{
-    const int status = act(t, y, f, p, limit, u, dy + 2 * N);
-    if (status) return status;
-  }}
-  for (int i = 0; i < N; i++) m[i] = u[i], m[N + i] = f[i], dy[i] = y[N + i];
-  return plant(t, y, y + N, NULL, m, NULL, dy + N) ? 0 : 1;
-}}
+    plant: MechanicalSystem
+    law: Controller
+    """Interpreted; its own model may differ from the plant."""
+    bodies: tuple[Body, ...] = ()
+    traced: tuple[tuple[float, Any], ...] = ()
+    """Factors and functions f_e(t, x) that are no table of signals."""
+    observer: MomentumObserver | None = None
+    implicit: bool = False
+    """Whether implicit integrators are to run."""
+    varied: Bodies = NO_BODIES
+    """The bodies of plant, law's model and observer's model whose inertias are inputs."""
 
-int phcontrol_field(double t, const double *y, const double *f, const double *p, const double *limit, double *u,
-                    double *dy) {{
-  return field(t, y, NULL, f, p, limit, u, dy);
-}}
-
-/* Samples first to last of steps + 1: states [k] is given for the first, and made for each that follows.
-   stride: of a sampled law; 0 for a continuous one. held: its torque and the rate of its state. */
-int phcontrol_run(long first, long last, long steps, double dt, long stride, double period, int method,
-                  const double *f, const double *limit, const double *p, double *held, double *states, double *torques,
-                  long *reached) {{
-  double a[Y], b[Y], c[Y], d[Y], z[Y], u[N];
-  for (long k = first; k <= last; k++) {{
-    const double t = (double)k * dt;
-    double *y = states + k * Y, *next = y + Y;
-    int status = 0;
-    *reached = k;
-    if (stride && k % stride == 0) {{
-      for (int i = 0; i < Y - 2 * N; i++) y[2 * N + i] += period * held[N + i];
-      status = act(t, y, f, p, limit, held, held + N);
-      if (status) return status;
-    }}
-    const double *torque = stride ? held : NULL;
-    if ((status = field(t, y, torque, f, p, limit, torques + k * N, a))) return status;
-    if (k == steps) break;
-    if (method == 0) {{
-      for (int i = 0; i < Y; i++) next[i] = y[i] + dt * a[i];
-      for (int i = 0; i < N; i++) next[i] = y[i] + dt * next[N + i];
-    }} else {{
-      for (int i = 0; i < Y; i++) z[i] = y[i] + 0.5 * dt * a[i];
-      if ((status = field(t + 0.5 * dt, z, torque, f, p, limit, u, b))) return status;
-      for (int i = 0; i < Y; i++) z[i] = y[i] + 0.5 * dt * b[i];
-      if ((status = field(t + 0.5 * dt, z, torque, f, p, limit, u, c))) return status;
-      for (int i = 0; i < Y; i++) z[i] = y[i] + dt * c[i];
-      if ((status = field(t + dt, z, torque, f, p, limit, u, d))) return status;
-      for (int i = 0; i < Y; i++) next[i] = y[i] + dt / 6.0 * ((b[i] + c[i]) * 2.0 + a[i] + d[i]);
-    }}
-    for (int i = 0; i < Y; i++)
-      if (!isfinite(next[i])) return 2;
-  }}
-  return 0;
-}}
-"""
-
-_MEASURE = {
-    "external_force": "for (int i = 0; i < N; i++) m[{place} + i] = f[i];",
-    "total_force": "if (!total(t, y, y + N, NULL, f, NULL, m + {place})) return 1;",
-}
+    @property
+    def structure(self) -> list[Any]:
+        """All of it that is code and no input."""
+        law, varied = self.law, self.varied
+        same = self.plant is law.system
+        found = [structure_of(law, varied), same, varied, self.implicit, len(self.bodies), len(self.traced)]
+        found.append(None if same else system_structure(self.plant, varied))
+        found += structure_of_things((self.bodies, self.traced))
+        if self.observer is not None:
+            found += [structure_of_things(self.observer), system_structure(self.observer.system, varied)]
+        return found
 
 
 class CompiledLoop:
-    """A plant under a law, in C. Raises CompilationError or NotTraceableError when it cannot be made.
+    """An arrangement in C. Raises CompilationError or NotTraceableError when it cannot be made.
 
     Args:
-        plant: the arm.
-        law: the interpreted law; its own model may differ from the plant.
+        arrangement: plant, law and what is around.
+        span: how long it is going to run [s], for functions of time.
         compiler: makes it.
-        native: compile for this very processor.
     """
 
-    def __init__(self, plant: MechanicalSystem, law: Controller, compiler: Compiler, native: bool = False) -> None:
-        if any(name not in _MEASURE for name in law.needs):
-            raise CompilationError(f"{law.name} needs more measured than forces, which no loop in C gives it")
-        traced = trace_law(law, [instant for instant, _ in instants(law, TRACED, seed=1)])
-        self.n, self.numbers = plant.n, traced.numbers
-        self.plant, self.structure = plant, structure_of(law)
-        self.library = compiled(_source(plant, law, traced), compiler, native=native, accept=_loaded)
-        self._loaded = _loaded(self.library)
-        self._run, self._field = self._loaded.phcontrol_run, self._loaded.phcontrol_field
-        self._run.argtypes = [
-            ctypes.c_long, ctypes.c_long, ctypes.c_long, ctypes.c_double, ctypes.c_long, ctypes.c_double, ctypes.c_int,
-            *[_VECTOR] * 6, ctypes.POINTER(ctypes.c_long),
-        ]  # fmt: skip
-        self._field.argtypes = [ctypes.c_double, *[_VECTOR] * 6]
+    def __init__(self, arrangement: Arrangement, span: float, compiler: Compiler) -> None:
+        plant, law = arrangement.plant, arrangement.law
+        observer = arrangement.observer
+        shown = () if observer is None else (observer.quantity,)
+        truth = [name for name in law.needs if name not in shown]
+        if any(name not in loop_texts.MEASURE for name in truth) or (observer is not None and truth):
+            raise CompilationError(f"{law.name} needs more measured than a loop in C gives it")
+        self.n, self.compiler = plant.n, compiler
+        self.rows = 2 * plant.n + law.state_size + sum(body.state_size for body in arrangement.bodies)
+        """Length of a state."""
+        self.carry = 7 * plant.n + law.state_size + 1
+        self.structure = arrangement.structure
+        varied = arrangement.varied
+        traced = trace_law(law, [instant for instant, _ in instants(law, TRACED, seed=1)], inertias=varied)
+        self._parts = [Part("law", traced.inputs, traced.traces)]  # type: ignore[arg-type]
+        arm, arm_numbers = arm_parts(plant, varied, total="total_force" in truth, implicit=arrangement.implicit)
+        self._parts += arm
+        sizes = [traced.numbers.size, arm_numbers.size]
+        around, watched = np.zeros(0), np.zeros(0)
+        if arrangement.bodies or arrangement.traced:
+            one, around = surroundings_part(plant, arrangement.bodies, arrangement.traced, span)
+            self._parts.append(one)
+        if observer is not None:
+            own, watched = observer_parts(observer, plant, varied)
+            self._parts += own
+        starts = np.cumsum([0, *sizes, around.size, watched.size])
+        self.size = int(starts[-1])
+        """How many numbers are inputs."""
+        place, measure = 0, []
+        for name, size in traced.layout.measured:
+            measure.append(loop_texts.MEASURE["shown" if name in shown else name].format(place=place))
+            place += size
+        facts = {
+            "joints": plant.n, "states": law.state_size, "bodies": self.rows - 2 * plant.n - law.state_size,
+            "plant_numbers": starts[1], "around_numbers": starts[2], "observer_numbers": starts[3],
+            "has_around": int("around" in [one.name for one in self._parts]), "has_sensor": int(observer is not None),
+            "has_implicit": int(arrangement.implicit), "measured_room": max(1, place), "measure": "\n  ".join(measure),
+        }  # fmt: skip
+        self._text = loop_texts.HEAD.format(**facts)
+        self._text += loop_texts.SENSE if observer is not None else ""
+        self._text += loop_texts.IMPLICIT if arrangement.implicit else ""
+        self._text += loop_texts.RUN.format(**facts)
+        self._libraries: dict[bool, Any] = {}
+        self.checked: set[bool] = set()
+        """Of which libraries (with lanes or without) it was seen that they are the interpreted loop."""
 
-    def under(self, law: Controller) -> CompiledLoop | None:
-        """Return the same loop under a law of other gains or goals, by the same code; None where that is another."""
-        if structure_of(law) != self.structure:
-            return None
-        other = copy.copy(self)
-        other.numbers = law_numbers(law)
-        return other
+    def source(self, lanes: bool) -> str:
+        """Return the C file."""
+        parts = [ways(one.name, one.inputs, list(one.ways), lanes).text for one in self._parts]
+        return "\n".join([prelude(lanes), *parts, self._text])
 
-    def is_of(self, law: Controller) -> bool:
-        """Whether a law is still what was compiled: none of it was changed in place."""
-        return structure_of(law) == self.structure and np.array_equal(law_numbers(law), self.numbers)
+    def library(self, lanes: bool) -> Any:
+        """Return the loop as it was loaded: for one run at a time, or for ``LANES`` at once."""
+        found = self._libraries.get(lanes)
+        if found is None:
+            path = compiled(self.source(lanes), self.compiler, native=lanes, accept=_loaded)
+            found = self._libraries[lanes] = _loaded(path)
+        return found
 
-    def field(self, t: float, y: Array, force: Array, limit: Array | None) -> tuple[int, Array, Array]:
-        """Return what a run would say there, ẏ and the torque."""
-        rate, torque = np.zeros(y.size), np.zeros(self.n)
-        pointers = [_pointer(value) for value in (y, force, self.numbers, limit, torque, rate)]
-        return self._field(t, *pointers), rate, torque
+    def block(self, numbers: Sequence[Array], lanes: bool) -> Block:
+        """Return room for runs with these numbers: one, or as many as there are lanes."""
+        return Block(self, self.library(lanes), numbers, LANES if lanes else 1)
 
-    def run(
-        self,
-        steps: int,
-        dt: float,
-        method: str,
-        force: Array,
-        limit: Array | None,
-        states: Array,
-        torques: Array,
-        *,
-        stride: int = 0,
-        period: float = 0.0,
-        chunk: int = 5000,
-        after: Callable[[int], None] = lambda k: None,
-    ) -> tuple[int, int]:
-        """Fill states (steps + 1, y) after the first row, and torques (steps + 1, n); return what and how far.
 
-        The lock of the interpreter is free meanwhile. ``after`` is called after each ``chunk`` of samples.
+class Block:
+    """Runs that go on together, one in each lane: their numbers, and where they stand.
+
+    Arrays hold the lanes last. What is set before ``start``: ``limit``, ``steady`` and ``signals``.
+    """
+
+    def __init__(self, loop: CompiledLoop, library: Any, numbers: Sequence[Array], lanes: int) -> None:
+        self._library, self._n, self.lanes = library, loop.n, lanes
+        self._numbers = room(loop.size, lanes=lanes)
+        for lane, values in enumerate(numbers):
+            if values.size != loop.size:
+                raise CompilationError(f"{values.size} numbers were found where {loop.size} were compiled")
+            self._numbers[:, lane] = values
+        self.limit = room(loop.n, lanes=lanes)
+        """Largest torques, inf for none, shape (n, lanes) [N·m]."""
+        self.limit[:] = np.inf
+        self.steady = room(loop.n, lanes=lanes)
+        """Forces that are constant, shape (n, lanes) [N·m]."""
+        self._signals: list[Array] = []
+        self._tables: Any = None
+        self._carry = room(loop.carry, lanes=lanes)
+        self.status: Any = np.zeros(lanes, dtype=np.int64)
+        """DONE for a run that goes on, or what it ended by, shape (lanes,)."""
+        self.reached: Any = np.zeros(lanes, dtype=np.int64)
+        """The last sample of each, shape (lanes,)."""
+
+    def set_signals(self, tables: Sequence[Array]) -> None:
+        """Set the forces over time, a table for each lane (``signals_of``)."""
+        self._signals = [np.ascontiguousarray(table) for table in tables]
+        pointers: list[Any] = [table.ctypes.data_as(_VECTOR) if table.size else None for table in self._signals]
+        pointers += [None] * (self.lanes - len(pointers))
+        self._tables = (_VECTOR * self.lanes)(*pointers) if any(table.size for table in self._signals) else None
+
+    def field(self, t: float, y: Array) -> tuple[Array, Array, Array]:
+        """Return ẏ, torque and force at states y, shapes (…, lanes); ``status`` says where they are any."""
+        rate, torque, force = (room(size, lanes=self.lanes) for size in (len(y), self._n, self._n))
+        state = room(len(y), lanes=self.lanes)  # begins where a vector may
+        state[:] = y
+        self._library.phcontrol_field(
+            t, *(_pointer(array) for array in (state, self._numbers, self.limit, self.steady)), self._tables,
+            *(_pointer(array) for array in (torque, force, rate)), self.status.ctypes.data_as(_INTEGERS),
+        )  # fmt: skip
+        return rate, torque, force
+
+    def advance(self, plan: Plan, first: int, last: int, record: Record) -> None:
+        """Simulate samples first to last into the record, whose first row is sample first.
+
+        Its states there are given; of those a row more is made, for the sample after. The lock of the interpreter is
+        free meanwhile.
         """
-        held, reached = np.zeros(states.shape[1] - self.n), ctypes.c_long(0)
-        for first in range(0, steps + 1, chunk):
-            status = self._run(
-                first, min(first + chunk - 1, steps), steps, dt, stride, period, METHODS.index(method),
-                _pointer(force), _pointer(limit), _pointer(self.numbers), _pointer(held), _pointer(states),
-                _pointer(torques), ctypes.byref(reached),
-            )  # fmt: skip
-            if status != DONE:
-                return status, reached.value
-            after(reached.value)
-        return DONE, steps
+        arrays = (record.states, record.torques, record.forces, record.readings)
+        self._library.phcontrol_run(
+            first, last, plan.steps, plan.dt, plan.stride, plan.period, plan.due, METHODS.index(plan.method),
+            *(_pointer(array) for array in (self._numbers, self.limit, self.steady)), self._tables,
+            _pointer(self._carry), *(_pointer(array) for array in arrays),
+            *(array.ctypes.data_as(_INTEGERS) for array in (self.status, self.reached)),
+        )  # fmt: skip
+
+
+class Plan(NamedTuple):
+    """How runs are simulated."""
+
+    steps: int
+    dt: float
+    """[s]."""
+    method: str
+    stride: int = 0
+    """Steps in a control period; 0 for continuous control."""
+    period: float = 0.0
+    """Of control [s]."""
+    due: int = 1
+    """Steps between two updates of the observer."""
+
+
+class Record(NamedTuple):
+    """Samples of runs: rows, what is recorded, lanes."""
+
+    states: Array
+    """Shape (rows + 1, y, lanes)."""
+    torques: Array
+    """Shape (rows, n, lanes)."""
+    forces: Array
+    """Shape (rows, n, lanes)."""
+    readings: Array
+    """What an observer shows, shape (rows, n, lanes); without rows where there is none."""
+
+    @classmethod
+    def empty(cls, loop: CompiledLoop, rows: int, lanes: int, observed: bool) -> Record:
+        """Return room for some samples."""
+        sizes = ((rows + 1, loop.rows), (rows, loop.n), (rows, loop.n), (rows if observed else 0, loop.n))
+        return cls(*(room(*size, lanes=lanes) for size in sizes))
+
+
+def room(*shape: int, lanes: int) -> Array:
+    """Return zeros of a shape and lanes, that begin where a vector may."""
+    count = int(np.prod(shape)) * lanes
+    plain = np.zeros(count + _ALIGNED // 8)
+    start = (-plain.ctypes.data % _ALIGNED) // 8
+    return plain[start : start + count].reshape(*shape, lanes)
 
 
 def _loaded(library: Path) -> Any:
     """Return a library that has a loop in it."""
     try:
         found = ctypes.CDLL(str(library))
-        _ = found.phcontrol_run, found.phcontrol_field
+        run, field = found.phcontrol_run, found.phcontrol_field
     except (OSError, AttributeError) as error:
         raise CompilationError(f"{library} cannot be loaded: {error}") from error
+    count, number = ctypes.c_long, ctypes.c_double
+    run.restype = field.restype = None
+    run.argtypes = [
+        count, count, count, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, *[_VECTOR] * 5,
+        _INTEGERS, _INTEGERS,
+    ]  # fmt: skip
+    field.argtypes = [number, *[_VECTOR] * 4, _SIGNALS, *[_VECTOR] * 3, _INTEGERS]
     return found
 
 
-def _pointer(array: Array | None) -> Any:
-    if array is None:
-        return None
+def _pointer(array: Array) -> Any:
     if not array.flags.c_contiguous or array.dtype != np.float64:
         raise CompilationError("a loop in C takes contiguous arrays of float64")
     return array.ctypes.data_as(_VECTOR)
 
 
-def _source(plant: MechanicalSystem, law: Controller, traced: TracedLaw) -> str:
-    layout, place, measure = traced.layout, 0, []
-    for name, size in layout.measured:
-        measure.append(_MEASURE[name].format(place=place))
-        place += size
-    parts = [_of_plant(plant, law, "plant", lambda x, n, m: x.acceleration(m[:n], m[n:]), 2 * plant.n)]
-    if "total_force" in law.needs:
-        parts.append(_of_plant(plant, law, "total", lambda x, n, m: x.total_force(m), plant.n))
-    loop = _LOOP.format(
-        joints=layout.joints, states=layout.state, measured_room=max(1, place), measure="\n  ".join(measure)
-    )
-    return "\n".join([law_source(traced).text, "#include <stddef.h>", *(part.text for part in parts), loop])
+def numbers_of_arrangement(arrangement: Arrangement) -> Array:
+    """Return all numbers of an arrangement that are inputs, in their order."""
+    from phcontrol.compilation.law_inputs import numbers_of, system_numbers
 
-
-def _of_plant(plant: MechanicalSystem, law: Controller, name: str, make: Callable[..., Any], size: int) -> Function:
-    """Return a function of q, q̇ and forces of the plant as C."""
-    guards, n = Guards(), plant.n
-    inputs = [casadi.SX.sym(letter, count) for letter, count in zip("tqvsmp", (1, n, n, 0, size, 0), strict=True)]
-    generator = np.random.default_rng(0)
-    samples = {1: plant.robot.random_position(generator), 2: generator.normal(size=n), 4: generator.normal(size=size)}
-
-    def entries(which: int) -> SymbolArray:
-        pairs = zip(casadi.vertsplit(inputs[which]), samples[which], strict=True)
-        return symbols([Symbol(part, float(value), guards) for part, value in pairs])
-
-    q, v, m = entries(1), entries(2), entries(4)
-    try:
-        with tracing(classes_of(law, plant.friction, plant.potentials)):
-            found = make(TracedState(traced_system(plant), q, v), n, m)
-    except Exception as error:
-        raise refusal(f"the plant {plant.robot.name}", error) from error
-    outputs = [entry.expression if type(entry) is Symbol else casadi.SX(float(entry)) for entry in found]
-    return function(name, inputs, guards.conditions, outputs)
+    varied, observer = arrangement.varied, arrangement.observer
+    found = [law_numbers(arrangement.law, varied), system_numbers(arrangement.plant, varied)]
+    found.append(numbers_of((arrangement.bodies, arrangement.traced)))
+    if observer is not None:
+        found += [numbers_of(observer), system_numbers(observer.system, varied)]
+    return np.concatenate(found)

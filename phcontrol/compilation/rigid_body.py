@@ -14,6 +14,7 @@ origin it is B = [[0, −f×], [0, E − ½ k×]], (f, k) = Iv its momentum and 
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -243,16 +244,26 @@ class ArmModel:
             other.bodies.append(body._replace(mass=mass, centre=(x, y, z), inertia=rows))
         return other
 
-    def structure(self, inertias: bool) -> list[Any]:
-        """Return all of the arm that is code: joints, frames, gravity, armature; inertias unless they are inputs."""
-        bodies = self.bodies
-        if inertias:
-            bodies = [body._replace(mass=0.0, centre=NOTHING, inertia=_NO_ROWS) for body in bodies]
+    def with_gravity(self, gravity: Vector) -> ArmModel:
+        """Return the same arm under another gravity [m/s²], floats or symbols."""
+        other = copy.copy(self)
+        other.gravity = gravity
+        return other
+
+    def structure(self, inertias: Collection[int], weighed: bool) -> list[Any]:
+        """Return all of the arm that is code: joints, frames, armature, inertias but those of some bodies.
+
+        Of gravity only where it is 0, if it is an input (``weighed``).
+        """
+        bodies = list(self.bodies)
+        for k in inertias:
+            bodies[k] = bodies[k]._replace(mass=0.0, centre=NOTHING, inertia=_NO_ROWS)
+        gravity = [value == 0.0 for value in self.gravity] if weighed else self.gravity
         frames = [
             (frame.name, frame.parentJoint, _vector(frame.placement.translation), _rows(frame.placement.rotation))
             for frame in self.frames
         ]
-        return [self.gravity, bodies, self.supports, frames]
+        return [gravity, bodies, self.supports, frames]
 
     def at(self, position: Any) -> ArmPosture:
         """Return the arm at joint positions, floats or symbols."""

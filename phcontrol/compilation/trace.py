@@ -10,7 +10,7 @@ import numpy as np
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.compilation.errors import CompilationError, NotTraceableError
-from phcontrol.compilation.law_inputs import law_numbers, with_inputs
+from phcontrol.compilation.law_inputs import NO_BODIES, Bodies, law_numbers, system_with_inputs, with_inputs
 from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
 from phcontrol.compilation.traced_state import TracedState, traced_system
 from phcontrol.compilation.tracing import classes_of, refusal, tracing
@@ -58,6 +58,11 @@ class Trace(NamedTuple):
     rate: list[Any]
     """Of the law's own state, likewise."""
 
+    @property
+    def outputs(self) -> list[Any]:
+        """Torque and rate."""
+        return [*self.torque, *self.rate]
+
 
 class TracedLaw(NamedTuple):
     """A law as expressions of t, q, q̇, its state, what is measured, and its numbers."""
@@ -76,10 +81,10 @@ def layout_of(law: Controller, numbers: int) -> Layout:
     return Layout(law.system.n, law.state_size, tuple((name, sizes[name]) for name in law.needs), numbers)
 
 
-def trace_law(law: Controller, instants: list[Instant], *, inertias: bool = False) -> TracedLaw:
+def trace_law(law: Controller, instants: list[Instant], *, inertias: Bodies = NO_BODIES) -> TracedLaw:
     """Return a law as expressions, traced the way that it takes at each of some instants, at most ``VARIANTS`` ways.
 
-    With ``inertias`` the inertias of the arm are inputs too.
+    The inertias of the bodies in ``inertias`` are inputs too.
 
     Raises NotTraceableError, naming the line, when it cannot be traced at any of them.
     """
@@ -123,7 +128,7 @@ def _covers(guards: Any, values: list[Array]) -> bool:
     return bool(np.array(guards(*values)).all())
 
 
-def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: bool) -> Trace:
+def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: Bodies) -> Trace:
     guards = Guards()
 
     def inputs_of(which: int) -> SymbolArray:
@@ -141,8 +146,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
 
     system = traced_system(law.system)
     traced = with_inputs(law, system, make)
-    if inertias:
-        system.arm = system.arm.with_inertial_numbers(numbers[taken:])
+    system_with_inputs(system, make, inertias)
     position, velocity, state = inputs_of(1), inputs_of(2), inputs_of(3)
     seen, start, shown = inputs_of(4), 0, {}
     for name, size in layout.measured:
@@ -150,7 +154,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
         start += size
     before = dict(vars(traced))
     try:
-        with tracing(classes_of(law)):
+        with tracing(classes_of(law, law.system.friction, law.system.potentials)):
             x: MechanicalState = TracedState(system, position, velocity)
             torque, rate = traced.evaluate(inputs_of(0)[0], x, state, Measured(**shown))
     except Exception as error:  # whatever a law does that symbols cannot

@@ -17,7 +17,8 @@ from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
 
-_PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
+_PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics", "environments", "sensors")
+_NO_PARTS = ("numpy", "pinocchio", "coal", "builtins")
 _OWN = "phcontrol."
 _LOCK = threading.RLock()
 _MISSING = object()
@@ -88,7 +89,7 @@ def refusal(law: str, error: BaseException) -> NotTraceableError:
             file = frame.f_code.co_filename.rpartition("/")[2]
             place = f" ({file}:{line}, in {frame.f_code.co_name})"
             break
-    text = str(error) or type(error).__name__
+    text = (str(error) or type(error).__name__).splitlines()[0]
     return NotTraceableError(f"{law} cannot be compiled: {text}{place}")
 
 
@@ -122,4 +123,4 @@ def holds_state(thing: Any) -> bool:
 
     if isinstance(thing, (type, ModuleType, Robot, MechanicalState, MechanicalSystem)) or callable(thing):
         return False
-    return hasattr(thing, "__dict__") and not type(thing).__module__.startswith(("numpy", "pinocchio", "builtins"))
+    return hasattr(thing, "__dict__") and not type(thing).__module__.startswith(_NO_PARTS)

@@ -6,6 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 from phcontrol._validation import Array, number, positive
 from phcontrol.environments.contact_friction import ContactFriction
 from phcontrol.environments.contact_geometry import ContactGeometry
@@ -117,10 +119,9 @@ class Surface:
 
     def push(self, depth: float, speed: float) -> tuple[float, float, float]:
         """Return force F, stored energy and dissipated power at a depth δ and its rate δ̇."""
-        if depth <= 0.0:
-            return 0.0, 0.0, 0.0
+        depth = float(np.maximum(depth, 0.0))
         elastic = self.stiffness * depth
-        force = max(0.0, elastic + self.damping * min(1.0, depth / self.onset) * speed)
+        force = float(np.maximum(0.0, elastic + self.damping * np.minimum(1.0, depth / self.onset) * speed))
         return force, 0.5 * elastic * depth, (force - elastic) * speed
 
     def fastest_rate(self, mass: float) -> float:

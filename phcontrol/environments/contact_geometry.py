@@ -66,9 +66,9 @@ class JointContact:
 class SphereContact:
     """A small sphere fixed at a frame of the arm, against a shape that is fixed in space.
 
-    Signed distance and normal come from coal, so that meshes work too. The contact force acts along the normal, through
-    the sphere's centre; what friction a body has acts where the sphere touches. A mesh is a surface without inside: the
-    sphere must not sink into it by more than its radius.
+    Signed distance and normal of planes and spheres have a closed form; those of boxes and meshes come from coal. The
+    contact force acts along the normal, through the sphere's centre; what friction a body has acts where the sphere
+    touches. A mesh is a surface without inside: the sphere must not sink into it by more than its radius.
 
     Args:
         frame: the arm's frame that carries the sphere at its origin.
@@ -94,8 +94,10 @@ class SphereContact:
         self._sphere = coal.Sphere(self.radius)
         self._shape = _shape(shape, size)
         self._named = {"shape": shape, "size": None if size is None else np.asarray(size, dtype=float).tolist()}
-        turn: Array = np.eye(3) if rotation is None else check_rotation("rotation", rotation)
-        self._place = coal.Transform3s(np.array(turn), np.array(vector("position", position, 3)))
+        self._turn: Array = np.eye(3) if rotation is None else check_rotation("rotation", rotation)
+        self._origin: Array = vector("position", position, 3)
+        self._place = coal.Transform3s(np.array(self._turn), np.array(self._origin))
+        self._ball = number("size", self._named["size"], minimum=1e-6) if self._is("sphere") else 0.0
         self._request = coal.DistanceRequest()
         self._request.enable_signed_distance = True
 
@@ -115,12 +117,12 @@ class SphereContact:
     @property
     def position(self) -> Array:
         """Origin of the shape in the world, shape (3,) [m]."""
-        return np.array(self._place.getTranslation())
+        return np.array(self._origin)
 
     @property
     def rotation(self) -> Array:
         """Orientation of the shape in the world, shape (3, 3)."""
-        return np.array(self._place.getRotation())
+        return np.array(self._turn)
 
     def record(self) -> dict[str, Any]:
         """Return frame, radius, shape and pose; a shape that has no name here is called "other"."""
@@ -142,8 +144,24 @@ class SphereContact:
         point: Array = linear + self.radius * np.cross(away, angular, axisb=0, axisc=0)  # ω × (−ρ n) = ρ n × ω
         return point - np.outer(away, away @ point)
 
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether distance and normal are formulas, and not asked of coal: of a plane and of a sphere."""
+        return self._is("plane") or self._is("sphere")
+
+    def _is(self, shape: str) -> bool:
+        return isinstance(self._named["shape"], str) and self._named["shape"] == shape
+
     def meet(self, centre: Array) -> tuple[float, Array]:
         """Return, for the sphere at a centre in the world [m], its distance and the direction away from the shape."""
+        offset = centre - self._origin
+        if self._is("plane"):
+            away: Array = self._turn[:, 2]
+            return float(away.dot(offset)) - self.radius, away
+        if self._is("sphere"):
+            length = math.sqrt(float(offset.dot(offset)))
+            if length > 0.0:
+                return length - self._ball - self.radius, offset / length
         result = coal.DistanceResult()
         here = coal.Transform3s(np.eye(3), centre)
         distance = coal.distance(self._sphere, here, self._shape, self._place, self._request, result)

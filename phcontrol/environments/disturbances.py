@@ -29,27 +29,33 @@ class Disturbance(ABC):
     def __add__(self, other: Disturbance) -> Disturbance:
         if not isinstance(other, Disturbance):
             return NotImplemented
-        return _Sum(self, other)
+        return Sum(self, other)
 
     def __mul__(self, factor: float) -> Disturbance:
-        return _Multiple(number("factor", factor), self)
+        return Multiple(number("factor", factor), self)
 
     __rmul__ = __mul__
 
 
-class _Sum(Disturbance):
+class Sum(Disturbance):
+    """Two disturbances at once; made by ``+``."""
+
     def __init__(self, first: Disturbance, second: Disturbance) -> None:
         self.parts = (first, second)
 
     def __call__(self, t: float, x: MechanicalState) -> Array:
+        """Return f_e at time t."""
         return self.parts[0](t, x) + self.parts[1](t, x)
 
 
-class _Multiple(Disturbance):
+class Multiple(Disturbance):
+    """A disturbance some times as strong; made by ``*``."""
+
     def __init__(self, factor: float, part: Disturbance) -> None:
         self.factor, self.part = factor, part
 
     def __call__(self, t: float, x: MechanicalState) -> Array:
+        """Return f_e at time t."""
         return self.factor * self.part(t, x)
 
 
@@ -117,7 +123,7 @@ class Sampled(Disturbance):
                 "forces",
                 f"must have one row for each of the {len(self.times)} times, but has shape {self.forces.shape}",
             )
-        self._holds = choice("interpolation", interpolation, ("linear", "hold")) == "hold"
+        self.holds = choice("interpolation", interpolation, ("linear", "hold")) == "hold"
 
     def __call__(self, t: float, x: MechanicalState) -> Array:
         """Return f_e at time t."""
@@ -125,7 +131,7 @@ class Sampled(Disturbance):
         if not times[0] <= t <= times[-1]:
             return np.zeros(forces.shape[1])
         row = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 2)
-        if self._holds:
+        if self.holds:
             held: Array = forces[row if t < times[-1] else -1]
             return held
         part = (t - times[row]) / (times[row + 1] - times[row])
@@ -174,6 +180,6 @@ def wrenches_of(disturbance: Any) -> tuple[Wrench, ...]:
     """Return the wrenches at frames that a disturbance is, or is a sum of."""
     if isinstance(disturbance, Wrench):
         return (disturbance,)
-    if isinstance(disturbance, _Sum):
+    if isinstance(disturbance, Sum):
         return wrenches_of(disturbance.parts[0]) + wrenches_of(disturbance.parts[1])
     return ()

@@ -26,7 +26,7 @@ from phcontrol.runtime.torque_gate import TorqueGate
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.setpoints.setpoint import Setpoint
-from phcontrol.simulation.closed_loop import torque_limit_of
+from phcontrol.simulation.run import torque_limit_of
 from phcontrol.simulation.sampled_control import SampledControl
 
 _MOST_DAMPING = 1e9  # so that its torque is finite at any finite velocity [N·m·s/rad]

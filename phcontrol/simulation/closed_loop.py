@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 import math
-import platform
-import warnings
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from phcontrol._validation import Array, choice, flag, per_joint, positive, sequence, vector, whole_multiple
-from phcontrol._version import __version__
-from phcontrol.controllers.controller import Controller, check_loop
+from phcontrol._validation import flag
+from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
 from phcontrol.exceptions import (
     InvalidArgumentError,
     ObjectLostError,
     PHControlError,
 )
-from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.setpoints.setpoint import Setpoint
-from phcontrol.simulation.compiled_run import compiled_loop_of, run_compiled
-from phcontrol.simulation.instruments import Instruments
+from phcontrol.simulation.compiled_run import Prepared, plan_of, prepared, run_compiled
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
-from phcontrol.simulation.sampled_control import SampledControl, check_filter
+from phcontrol.simulation.run import Run
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
-from phcontrol.simulation.vector_field import NOTHING_HELD, ClosedLoop, ExternalForce
+from phcontrol.simulation.vector_field import NOTHING_HELD, ExternalForce
 from phcontrol.vision.scene import Scene
-
-if TYPE_CHECKING:
-    from phcontrol.compilation.compiled_loop import CompiledLoop
 
 _DIVERGED = 1e9  # no arm gets there, nor a law's state; where numbers overflow is no news
 
@@ -92,92 +83,33 @@ def simulate(
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
         compiled: simulate in C (:func:`compile_law` says what that takes): plant, law, integration and log in one loop.
-            What is not compiled (bodies, scenes, sensors, filters, setpoints, disturbances that are functions,
-            ``implicit_midpoint``) is simulated interpreted, and a CompilationWarning says so.
+            What is not compiled (scenes, filters, setpoints, sensors but a momentum observer, bodies but planes,
+            spheres and joints) is simulated interpreted, and a CompilationWarning says so.
 
     Raises:
         InvalidArgumentError: an argument is out of its domain.
         SimulationError: the run diverged or the controller failed; carries the log so far.
         SimulationInterrupted: the run was stopped from the keyboard; carries the log so far.
     """
-    check_loop(controller, system)
-    dt, duration = positive("dt", dt), positive("duration", duration)
-    bodies = sequence("bodies", bodies, "bodies")
-    if sensors is not None:
-        sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
-    if scene is not None and not hasattr(scene, "state_size"):
-        raise InvalidArgumentError("scene", f"must be a Scene, but is {type(scene).__name__}")
     Setpoint.check(setpoint)
     if setpoint is not None and not math.isinf(setpoint.time):
         message = f"has been through a run until {setpoint.time:g} s, and its course is that run's: make a new one"
         raise InvalidArgumentError("setpoint", message)
     if watch is not None and not callable(watch):
         raise InvalidArgumentError("watch", f"must be callable with the log, but is {type(watch).__name__}")
-    step = INTEGRATORS[choice("integrator", integrator, INTEGRATORS)].step
-    if controller.system.n != system.n:
-        raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
-    position = vector("q0", system.robot.home if q0 is None else q0, system.n)
-    velocity = vector("v0", np.zeros(system.n) if v0 is None else v0, system.n)
-    state = controller.initial_state(controller.system.at(position, velocity))
-    if controller_state0 is not None:
-        state = vector("controller_state0", controller_state0, state.size)
-    if torque_filter is not None:
-        check_filter(torque_filter, controller, control_period)
-        control_period = torque_filter.period
-        torque_filter.reset()
-    loop = ClosedLoop(
-        system,
-        controller,
-        _disturbance(disturbance, system.n),
-        torque_limit_of(torque_limit, system),
-        bodies,
-        scene,
-    )
-    sampled = (
-        None if control_period is None else SampledControl(controller, control_period, loop.torque_limit, torque_filter)
-    )
-    _check_scene(controller, scene, sensors)
-    body_state = _check_bodies(bodies, system.at(position, velocity), dt, integrator)
-    scene_state = np.zeros(0) if scene is None else scene.initial_state()
-    instruments = None if sensors is None else Instruments(sensors, dt)
-    stride = 0 if control_period is None else whole_multiple("control_period", control_period, dt)
-    steps = max(1, math.ceil(min(duration / dt, 1e300) - 1e-9))
-    log = Log.empty(
-        loop,
-        steps + 1,
-        state.size,
-        body_state.size + scene_state.size,
-        [] if instruments is None else [sensor.quantity for sensor in instruments.sensors],
-        {
-            "robot": system.robot.name,
-            "controller": controller.name,
-            "interconnection": controller.interconnection,
-            "joint_names": list(system.robot.joint_names),
-            "robot_record": system.robot.record(),
-            "bodies": [body.record() for body in bodies],
-            "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")},
-            "sight": _sight(loop),
-            "wrench_frames": [wrench.frame for wrench in loop.wrenches],
-            "dt": dt,
-            "integrator": integrator,
-            "control_period": control_period,
-            "versions": {"phcontrol": __version__, "pinocchio": pin.__version__, "numpy": np.__version__,
-                         "python": platform.python_version()},
-        },
-        filtered=torque_filter is not None,
+    run = Run(
+        system, controller, duration=duration, dt=dt, q0=q0, v0=v0, controller_state0=controller_state0,
+        disturbance=disturbance, integrator=integrator, control_period=control_period, torque_limit=torque_limit,
+        torque_filter=torque_filter, sensors=sensors, bodies=bodies, scene=scene,
     )  # fmt: skip
-    y = np.concatenate([position, velocity, state, body_state, scene_state])
+    log = run.log()
     if flag("compiled", compiled):
-        others = {
-            "sensors": sensors,
-            "a scene": scene,
-            "a torque filter": torque_filter,
-            "a setpoint": setpoint,
-            "watch": watch,
-        }
-        in_c = compiled_loop_of(loop, integrator, others)
-        if in_c is not None and _run_in_c(in_c, loop, log, y, dt, steps, integrator, control_period, stride, progress):
+        others = {"a torque filter": torque_filter, "a setpoint": setpoint, "watch": watch}
+        in_c = prepared(run, others)
+        if in_c is not None and _run_in_c(in_c, run, log, progress):
             return log
+    loop, dt, steps, y = run.loop, run.dt, run.steps, run.start
+    sampled, instruments, stride, step = run.sampled, run.instruments, run.stride, INTEGRATORS[run.integrator].step
     disable = None if progress is None else not progress
     done, k, held = 0, 0, NOTHING_HELD
     try:
@@ -222,90 +154,16 @@ def simulate(
     return log
 
 
-def _run_in_c(
-    in_c: CompiledLoop,
-    loop: ClosedLoop,
-    log: Log,
-    y: Array,
-    dt: float,
-    steps: int,
-    integrator: str,
-    control_period: float | None,
-    stride: int,
-    progress: bool | None,
-) -> bool:
-    """Return whether a run was simulated in C, from y, into the log."""
+def _run_in_c(found: Prepared, run: Run, log: Log, progress: bool | None) -> bool:
+    """Return whether a run was simulated in C, into the log."""
+    plan = plan_of(run)
     disable = None if progress is None else not progress
-    with tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
+    with tqdm(total=run.steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
 
-        def run(states: Array, torques: Array) -> bool:
-            states[0] = y
-            return run_compiled(
-                in_c, loop, states, torques, dt, integrator, control_period, stride, lambda k: bar.update(k - bar.n)
-            )
+        def sink(first: int, rows: int, record: Any) -> None:
+            log.fill(first, run.dt, *(part[:rows, :, 0] for part in record))
+            bar.update(first + rows - bar.n)
 
-        return log.fill(dt, loop.steady_force, run)
-
-
-def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:
-    if value is None or callable(value):
-        return value  # type: ignore[no-any-return]
-    return vector("disturbance", value, n)
-
-
-def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:
-    """Return the torque limits that an argument asks for [N·m]; None for none."""
-    if value is None:
-        return None
-    if isinstance(value, str):
-        choice("torque limit", value, ["robot"])
-        limit = np.asarray(system.robot.effort_limit)
-    else:
-        limit = per_joint("torque_limit", value, system.n)
-        if (limit <= 0.0).any():
-            raise InvalidArgumentError("torque_limit", "must be > 0")
-    return None if np.isinf(limit).all() else limit
-
-
-def _sight(loop: ClosedLoop) -> dict[str, Any] | None:
-    """Return what a viewer needs of the camera, of what it looks at, and of the law that steers by it."""
-    camera = getattr(loop.scene, "camera", None)
-    if camera is None:
-        return None
-    eyes = loop.controller.eyes
-    seen = getattr(loop.scene, "record", None)
-    return {
-        "camera": camera.mounted_on(loop.plant.robot).record(),
-        "object": None if seen is None else seen(),
-        "goal": None if eyes is None else eyes.goal.tolist(),
-    }
-
-
-def _check_scene(controller: Controller, scene: Scene | None, sensors: Sequence[Sensor] | None) -> None:
-    shown = any(sensor.quantity == "features" for sensor in sensors or ())
-    if "features" in controller.needs and scene is None and not shown:
-        raise InvalidArgumentError(
-            "scene", f"{controller.name} needs image features: say what there is to see, scene=ObservedObject(...)"
-        )
-
-
-def _check_bodies(bodies: Sequence[Body], x: MechanicalState, dt: float, integrator: str) -> Array:
-    """Return the bodies' states at rest. Refuse a body that starts inside the arm; warn of a step too long."""
-    fastest = 0.0
-    for number_, body in enumerate(bodies):
-        if not isinstance(body, Body):
-            raise InvalidArgumentError("bodies", f"must hold bodies, but number {number_} is {type(body).__name__}")
-        depth = -body.geometry.gap(x).distance
-        if depth > 1e-9:
-            raise InvalidArgumentError(
-                "bodies", f"number {number_} starts inside the arm, {depth:.3g} deep: move it or q0"
-            )
-        fastest = max(fastest, body.fastest_rate(x))
-    reach = INTEGRATORS[integrator].stability
-    if fastest * dt > reach:
-        longest = reach / fastest
-        message = (
-            f"dt = {dt:g} s is too long for the stiffest body: with {integrator} at most {longest:.2g} s is stable"
-        )
-        warnings.warn(message, stacklevel=3)
-    return np.concatenate([np.zeros(0), *(body.initial_state() for body in bodies)])
+        done = run_compiled(found, run, plan, sink)
+    log.end(run.steps + 1 if done else 0)
+    return done

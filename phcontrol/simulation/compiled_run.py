@@ -1,123 +1,246 @@
-"""A whole run in C, where what is simulated can be compiled."""
+"""Runs in C, where what is simulated can be compiled."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casadi
-from phcontrol.compilation.compiler import find_compiler
+from phcontrol.compilation.compiler import Compiler, find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
-from phcontrol.controllers.controller import Controller
-from phcontrol.simulation.vector_field import ClosedLoop
+from phcontrol.compilation.signals import Signals, signals_of
+from phcontrol.sensors.measured import Measured
+from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.sensors.sensor import Sensor
+from phcontrol.simulation.instruments import due_of
+from phcontrol.simulation.run import Run
+from phcontrol.simulation.vector_field import ClosedLoop, Held
 
 if TYPE_CHECKING:
-    from phcontrol.compilation.compiled_loop import CompiledLoop
+    from phcontrol.compilation.compiled_loop import Arrangement, Block, CompiledLoop, Plan, Record
 
-_CHECKED = 12  # random instants at which a loop is held against the interpreted one
-_DIVERGED = 1e6  # beyond it bounds fail because numbers overflow
-_MADE: WeakKeyDictionary[Controller, CompiledLoop] = WeakKeyDictionary()
-"""The last loop that each law was compiled in."""
+_CHECKED = 12  # random instants at which a loop is held against the interpreted one, beside those of its trace
+_KEPT = 16  # loops that were made last
+DIVERGED = 1e6
+"""Of a state: beyond it bounds fail because numbers overflow."""
+_LOOPS: list[CompiledLoop] = []
 
 
-def compiled_loop_of(loop: ClosedLoop, integrator: str, others: dict[str, Any]) -> CompiledLoop | None:
-    """Return a closed loop in C; None, with a warning that says why, where it is simulated interpreted.
+class Prepared(NamedTuple):
+    """A closed loop in C: the code, its numbers, and the disturbance as signals."""
 
-    Args:
-        loop: plant, law and what is around.
-        integrator: its name.
-        others: what else was asked for, by name; what is not None is not compiled.
-    """
-    try:
-        need_casadi()
-    except CompilationError as error:
-        _not_compiled(str(error))
-        return None
-    from phcontrol.compilation.compiled_loop import METHODS
+    loop: CompiledLoop
+    numbers: Array
+    signals: Signals
 
+
+def arranged(loop: ClosedLoop, observer: MomentumObserver | None, implicit: bool) -> tuple[Arrangement, Signals]:
+    """Return what a closed loop is for the compiler, and its disturbance. Raises CompilationError."""
+    from phcontrol.compilation.compiled_loop import Arrangement
+
+    law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
+    signals = signals_of(loop.disturbance, loop.n)
+    return Arrangement(loop.plant, law, loop.bodies, signals.traced, observer, implicit), signals
+
+
+def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
+    """Return what of a run is not compiled, in words; "" for nothing."""
     present = [name for name, value in others.items() if value is not None]
     if loop.controller.jumps:
         present.append("a law whose state jumps")
-    if loop.bodies:
-        present.append("bodies")
-    if loop.has_varying_disturbance:
-        present.append("a disturbance that is a function")
-    if integrator not in METHODS:
-        present.append(integrator)
-    if present:
-        _not_compiled(f"{', '.join(present)}: not compiled yet")
-        return None
+    if loop.scene is not None:
+        present.append("a scene")
+    return f"{', '.join(present)}: not compiled yet" if present else ""
+
+
+def observer_among(sensors: Sequence[Sensor] | None) -> tuple[MomentumObserver | None, bool]:
+    """Return the momentum observer that is the only sensor, and whether there is anything else."""
+    if not sensors:
+        return None, sensors is not None
+    if len(sensors) == 1 and type(sensors[0]) is MomentumObserver:
+        return sensors[0], False
+    return None, True
+
+
+def compiler_found() -> Compiler:
+    """Return the C compiler. Raises CompilationError where it, or CasADi, is missing."""
+    need_casadi()
     compiler = find_compiler()
     if compiler is None:
-        _not_compiled("no C compiler was found")
-        return None
-    law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
-    known = _MADE.get(loop.controller)
-    if known is not None and known.plant is loop.plant and known.is_of(law):
-        return known
+        raise CompilationError("no C compiler was found")
+    return compiler
+
+
+def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
+    """Return a run's closed loop in C; None, with a warning that says why, where it is simulated interpreted.
+
+    Args:
+        run: what is simulated.
+        others: what else was asked for, by name; what is not None is not compiled.
+    """
+    observer, more = observer_among(run.sensors)
+    problem = obstacles(run.loop, others | {"sensors": True if more else None})
     try:
-        made = _checked(loop, law, compiler)
+        if problem:
+            raise CompilationError(problem)
+        compiler = compiler_found()
+        from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
+
+        arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
+        made = compiled_loop(arrangement, run, compiler)
+        return Prepared(made, numbers_of_arrangement(arrangement), signals)
     except CompilationError as error:
-        _not_compiled(str(error))
+        say_interpreted(str(error))
         return None
-    _MADE[loop.controller] = made
+
+
+def say_interpreted(reason: str, level: int = 4) -> None:
+    """Warn that a run is simulated interpreted, at the line of the caller so many levels up."""
+    warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=level)
+
+
+def compiled_loop(arrangement: Arrangement, run: Run, compiler: Compiler, lanes: bool = False) -> CompiledLoop:
+    """Return an arrangement in C, made now or before, for a run that has it.
+
+    It is held against the interpreted loop at random instants when it is made, and where the run starts.
+
+    Raises CompilationError where it cannot be made, or is not the same.
+    """
+    from phcontrol.compilation.compiled_loop import CompiledLoop
+
+    structure = arrangement.structure
+    alike = [known for known in _LOOPS if known.structure == structure and known.compiler == compiler]
+    made = next((known for known in alike if _starts(known, arrangement, run, bool(known.checked - {False}))), None)
+    if made is None:  # or where numbers decide a branch, and do so otherwise
+        made = CompiledLoop(arrangement, run.steps * run.dt, compiler)
+    if lanes not in made.checked:
+        _check(made, arrangement, run.loop, lanes)
+        made.checked.add(lanes)
+    _LOOPS[:] = [made, *(known for known in _LOOPS if known is not made)][:_KEPT]
     return made
 
 
-def _not_compiled(reason: str) -> None:
-    warnings.warn(f"the run is simulated interpreted: {reason}", CompilationWarning, stacklevel=4)
+def _starts(made: CompiledLoop, arrangement: Arrangement, run: Run, lanes: bool) -> bool:
+    """Return whether a loop has the branch that a run starts with. Raises CompilationError where it is wrong there."""
+    from phcontrol.compilation.compiled_loop import NOT_COMPILED, numbers_of_arrangement
+
+    block = made.block([numbers_of_arrangement(arrangement)], lanes)
+    set_up(block, [run.loop], [signals_of(run.loop.disturbance, run.loop.n)])
+    found = block.field(0.0, run.start[:, None])
+    if block.status[0]:
+        return bool(block.status[0] != NOT_COMPILED)
+    rate, torque, force = (part[:, :1] for part in found)
+    refuse_beyond(difference_at(run.loop, bool(run.sensors), 0.0, run.start, (rate, torque, force)))
+    return True
 
 
-def _checked(loop: ClosedLoop, law: Controller, compiler: Any) -> CompiledLoop:
-    """Return the loop in C, held against the interpreted one at random instants. Raises CompilationError."""
-    from phcontrol.compilation.compiled_loop import NOT_COMPILED, TRACED, CompiledLoop
+def refuse_beyond(difference: float) -> None:
+    """Raise CompilationError where a loop differs too much from the interpreted one."""
+    if not difference <= TOLERANCE:
+        raise CompilationError(
+            f"the loop as compiled is refused: it differs from the interpreted one by {difference:.1e}"
+        )
+
+
+def _instants(arrangement: Arrangement) -> Iterator[tuple[float, Array]]:
+    """Yield times and states at which a loop is looked at."""
+    from phcontrol.compilation.compiled_loop import TRACED
     from phcontrol.compilation.instants import instants
 
-    alike = (other.under(law) for other in list(_MADE.values()) if other.plant is loop.plant)
-    made = next((found for found in alike if found is not None), None) or CompiledLoop(loop.plant, law, compiler)
-    plain = ClosedLoop(loop.plant, law, np.zeros(loop.n))
-    worst, looked = 0.0, 0
+    law, generator = arrangement.law, np.random.default_rng(0)
+    at_rest = [body.initial_state() for body in arrangement.bodies]
     for instant, _ in chain(instants(law, TRACED, seed=1), instants(law, _CHECKED, seed=3)):
-        y = np.concatenate([instant.position, instant.velocity, instant.state])
-        status, rate, torque = made.field(instant.time, y, np.zeros(loop.n), None)
-        if status == NOT_COMPILED:
+        pushed = [state + 1e-3 * generator.normal(size=state.size) for state in at_rest]
+        yield instant.time, np.concatenate([instant.position, instant.velocity, instant.state, *pushed])
+
+
+def _check(made: CompiledLoop, arrangement: Arrangement, loop: ClosedLoop, lanes: bool) -> None:
+    """Raise CompilationError where a loop in C is not the interpreted one."""
+    from phcontrol.compilation.compiled_loop import NOT_COMPILED, numbers_of_arrangement
+
+    numbers, signals = numbers_of_arrangement(arrangement), signals_of(loop.disturbance, loop.n)
+    block = made.block([numbers], lanes)
+    block = made.block([numbers] * block.lanes, lanes)
+    set_up(block, [loop] * block.lanes, [signals] * block.lanes)
+    worst, looked = 0.0, 0
+    for t, y in _instants(arrangement):
+        block.status[:] = 0
+        found = block.field(t, y[:, None])
+        if (block.status == NOT_COMPILED).any():
             continue
-        expected = plain.evaluate(instant.time, y)
         looked += 1
-        for one, other in ((rate, expected.rate), (torque, expected.torque)):
-            worst = max(worst, float(np.abs(one - other).max() / max(1e-3, float(np.abs(other).max()))))
-    if not looked or not worst <= TOLERANCE:
-        raise CompilationError(f"the loop as compiled is refused: it differs from the interpreted one by {worst:.1e}")
-    return made
+        worst = max(worst, difference_at(loop, arrangement.observer is not None, t, y, found))
+    refuse_beyond(worst if looked else np.nan)
 
 
-def run_compiled(
-    made: CompiledLoop,
-    loop: ClosedLoop,
-    states: Array,
-    torques: Array,
-    dt: float,
-    integrator: str,
-    control_period: float | None,
-    stride: int,
-    after: Callable[[int], None],
-) -> bool:
-    """Fill states and torques of a run; False where it must be simulated interpreted after all, which is said.
+def difference_at(loop: ClosedLoop, observed: bool, t: float, y: Array, found: tuple[Array, Array, Array]) -> float:
+    """Return by how much, relatively, what was found in all lanes at one instant differs from the interpreted loop."""
+    shown = Measured(np.zeros(loop.n)) if observed else None
+    expected = loop.evaluate(t, y, Held(measured=shown))
+    worst = 0.0
+    for one, other in zip(found, (expected.rate, expected.torque, expected.external_force), strict=True):
+        size = max(1e-3, float(np.abs(other).max()))
+        worst = max(worst, float(np.abs(one - other[:, None]).max() / size))
+    return worst
+
+
+def set_up(block: Block, loops: Sequence[ClosedLoop], signals: Sequence[Signals]) -> None:
+    """Give the runs of a block their torque limits and disturbances."""
+    for lane, (loop, disturbance) in enumerate(zip(loops, signals, strict=True)):
+        block.limit[:, lane] = np.inf if loop.torque_limit is None else loop.torque_limit
+        block.steady[:, lane] = disturbance.steady
+    block.set_signals([disturbance.table for disturbance in signals])
+
+
+def advance(block: Block, plan: Plan, record: Record, sink: Callable[[int, int, Record], None], chunk: int) -> None:
+    """Simulate a block chunk by chunk, from the first row of the record.
+
+    ``sink(first, rows, record)`` is shown each: rows samples from sample first on.
+    """
+    for first in range(0, plan.steps + 1, chunk):
+        last = min(first + chunk - 1, plan.steps)
+        block.advance(plan, first, last, record)
+        sink(first, last - first + 1, record)
+        if last == plan.steps or (block.status != 0).all():
+            return
+        record.states[0] = record.states[last - first + 1]
+
+
+def plan_of(run: Run) -> Plan:
+    """Return how a run is simulated."""
+    from phcontrol.compilation.compiled_loop import Plan
+
+    return Plan(run.steps, run.dt, run.integrator, run.stride, run.control_period or 0.0, due_of(run.sensors, run.dt))
+
+
+def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int, Record], None]) -> bool:
+    """Simulate a run; False where it must be simulated interpreted after all, which is said.
 
     A run that diverges, or whose torque is not finite, is one of these: the interpreted run then says what is wrong.
     """
-    from phcontrol.compilation.compiled_loop import DONE, NOT_COMPILED
+    from phcontrol.compilation.compiled_loop import DONE, NO_SOLUTION, NOT_COMPILED, Record
 
-    status, reached = made.run(
-        len(states) - 1, dt, integrator, loop.steady_force, loop.torque_limit, states, torques, stride=stride,
-        period=control_period or 0.0, after=after,
-    )  # fmt: skip
-    if status == NOT_COMPILED and np.abs(states[reached]).max() < _DIVERGED:
-        _not_compiled(f"at t = {reached * dt:g} s it takes a branch that is not compiled")
+    chunk = min(5000, plan.steps + 1)
+    block = found.loop.block([found.numbers], lanes=False)
+    set_up(block, [run.loop], [found.signals])
+    record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors))
+    record.states[0, :, 0] = run.start
+    last = np.abs(run.start).max(initial=0.0)
+
+    def shown(first: int, rows: int, record: Record) -> None:
+        nonlocal last
+        last = np.abs(record.states[max(0, int(block.reached[0]) - first)]).max()
+        sink(first, rows, record)
+
+    advance(block, plan, record, shown, chunk)
+    status, reached = int(block.status[0]), int(block.reached[0])
+    if status == NOT_COMPILED and last < DIVERGED:
+        say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled", 5)
+    if status == NO_SOLUTION:
+        say_interpreted(f"at t = {reached * plan.dt:g} s the implicit step is not found by iteration", 5)
     return status == DONE

@@ -14,6 +14,12 @@ from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.vector_field import ClosedLoop, Held
 
 
+def due_of(sensors: Sequence[Sensor] | None, dt: float) -> int:
+    """Return the steps between two updates of the first sensor; 1 without one."""
+    period = sensors[0].period if sensors else None
+    return 1 if period is None else whole_multiple("period", period, dt)
+
+
 class Instruments:
     """The sensors of a run and their states."""
 

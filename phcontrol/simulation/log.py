@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,15 +97,19 @@ class Log:
             data["features"][k] = found.features
         self._length = k + 1
 
-    def fill(self, dt: float, external_force: Array, run: Callable[[Array, Array], bool]) -> bool:
-        """Let a run in C write all samples at once: states and torques; return whether it did."""
-        data = self._data
-        if not run(self._states, data["torque"]):
-            return False
-        data["time"][:] = dt * np.arange(len(data["time"]))
-        data["external_force"][:] = external_force
-        self._length = len(data["time"])
-        return True
+    def fill(self, first: int, dt: float, states: Array, torques: Array, forces: Array, shown: Array) -> None:
+        """Write what a run in C recorded: rows from sample first on."""
+        rows, data = slice(first, first + len(states)), self._data
+        data["time"][rows] = dt * np.arange(first, first + len(states))
+        self._states[rows] = states
+        data["torque"][rows], data["external_force"][rows] = torques, forces
+        for name in data:
+            if name.startswith(MEASURED):
+                data[name][rows] = shown
+
+    def end(self, samples: int) -> None:
+        """Say how many samples a run in C has recorded."""
+        self._length = samples
 
     def record_measured(self, k: int, measured: Measured) -> None:
         """Write what the sensors showed at sample k."""

@@ -107,14 +107,9 @@ class ClosedLoop:
         self._limits = None if torque_limit is None else (-torque_limit, torque_limit)
 
     @property
-    def has_varying_disturbance(self) -> bool:
-        """Whether the disturbance is a function of time and state."""
-        return self._disturbance is not None
-
-    @property
-    def steady_force(self) -> Array:
-        """The disturbance that is constant, shape (n,) [N·m]."""
-        return self._steady_force
+    def disturbance(self) -> ExternalForce | Array:
+        """The disturbance: a function of time and state, or what is constant, shape (n,) [N·m]."""
+        return self._steady_force if self._disturbance is None else self._disturbance
 
     def evaluate(self, t: float, y: Array, held: Held = NOTHING_HELD) -> Evaluation:
         """Return ẏ, and the torque and the force that make it."""

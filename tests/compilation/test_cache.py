@@ -85,6 +85,91 @@ def test_a_folder_below_one_that_everybody_may_write_to_is_refused(tmp_path):
         open_folder(shared / "cache")
 
 
+def test_a_folder_below_one_that_a_group_may_write_to_is_refused(tmp_path, monkeypatch):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o770)
+    found = os.stat
+
+    def of_a_group(path, **options):
+        status = found(path, **options)
+        if not str(path).endswith("shared"):
+            return status
+        return os.stat_result((*status[:5], status.st_uid + 7, *status[6:]))
+
+    monkeypatch.setattr(os, "stat", of_a_group)
+    with pytest.raises(CompilationError, match=r"group \d+ may write to .*shared"):
+        open_folder(shared / "cache")
+
+
+def test_a_folder_below_somebody_elses_is_refused(tmp_path, monkeypatch):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    found = os.stat
+
+    def of_somebody(path, **options):
+        status = found(path, **options)
+        if not str(path).endswith("shared"):
+            return status
+        return os.stat_result((*status[:4], status.st_uid + 7, *status[5:]))
+
+    monkeypatch.setattr(os, "stat", of_somebody)
+    with pytest.raises(CompilationError, match=r"shared above it belongs to user"):
+        open_folder(shared / "cache")
+
+
+def test_a_sticky_folder_above_is_fine_and_a_link_below_an_open_one_is_not(tmp_path):
+    shared, home = tmp_path / "shared", tmp_path / "home"
+    shared.mkdir()
+    home.mkdir()
+    shared.chmod(0o1777)
+    open_folder(shared / "cache")
+    (shared / "link").symlink_to(home)
+    shared.chmod(0o777)
+    with pytest.raises(CompilationError, match="everybody may write to"):
+        open_folder(shared / "link" / "cache")
+
+
+def test_a_cache_that_is_refused_is_not_used(tmp_path, compiler, monkeypatch, shoulder):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    monkeypatch.setenv("PHCONTROL_CACHE", str(shared / "cache"))
+    with pytest.warns(CompilationWarning, match="compiled for this process only: .*everybody may write to"):
+        law = compile_law(make_controller("energy_shaping", shoulder))
+    assert law.report.covered == 1.0
+    assert not law.report.library.is_relative_to(shared)
+    assert mode(law.report.library.parent) == 0o700
+    assert not list(shared.rglob("*.so"))
+
+
+def test_the_cache_keeps_what_was_used_last(folder, compiler, monkeypatch):
+    made = [compiled(f"{SOURCE}/* {k} */", compiler) for k in range(4)]
+    for age, path in zip((400, 300, 200, 100), made, strict=True):
+        os.utime(path, (path.stat().st_mtime - age,) * 2)
+    compiled(f"{SOURCE}/* 0 */", compiler)  # used now
+    monkeypatch.setattr("phcontrol.compilation.cache.LARGEST", 3 * made[0].stat().st_size + 100)
+    new = compiled(f"{SOURCE}/* 4 */", compiler)
+    assert {path for path in made if path.exists()} == {made[0], made[3]}
+    assert new.exists()
+    assert {path.stem for path in folder.glob("*.sha256")} == {path.stem for path in (made[0], made[3], new)}
+    monkeypatch.setattr("phcontrol.compilation.cache.LARGEST", 1)
+    last = compiled(f"{SOURCE}/* 5 */", compiler)  # larger than the cache by itself: stays
+    assert list(folder.glob("*.so")) == [last]
+
+
+def test_what_a_killed_process_left_is_removed(folder, compiler):
+    compiled(SOURCE, compiler)
+    old, new = folder / "making-old", folder / "making-new"
+    for path in (old, new):
+        path.mkdir()
+        (path / "law.c").write_text("")
+    os.utime(old, (0.0, 0.0))
+    compiled(f"{SOURCE}/* 2 */", compiler)
+    assert not old.exists()
+    assert new.exists()
+
+
 def test_a_link_in_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "real").mkdir(mode=0o700)
     (tmp_path / "cache").symlink_to(tmp_path / "real")

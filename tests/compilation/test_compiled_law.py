@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 import threading
 import time
@@ -27,7 +28,9 @@ from phcontrol import (
     MinimumJerk,
     MissingMeasurementError,
     NotTraceableError,
+    Positive,
     Schedule,
+    StribeckFriction,
     Target,
     TrajectoryTracking,
     Vector,
@@ -201,6 +204,38 @@ def test_new_gains_and_goals_need_no_compiler(shoulder, monkeypatch):
     assert differences(law, compiled).max() <= TOLERANCE  # the first is as it was
     with pytest.raises(AssertionError, match="the compiler was asked for"):
         compiled.changed(stiffness=[[30.0, 1.0], [1.0, 20.0]])  # no longer diagonal: other code
+
+
+class Scaled(EnergyShaping):
+    """Has single numbers, in branches too."""
+
+    name = "scaled"
+    factor: Positive = Positive("c", "", default=1.0)
+
+    def shape(self, t, x, state, measured):
+        shaping = super().shape(t, x, state, measured)
+        scale = math.sqrt(self.factor) if self.factor > 0.25 else 0.5
+        return shaping._replace(effort=scale * shaping.effort)
+
+
+def test_new_single_numbers_friction_and_gravity_need_no_compiler(shoulder, monkeypatch):
+    def plant(share):
+        friction = StribeckFriction(viscous=[0.2 * share, 0.1], coulomb=0.1 * share, static=0.15 * share)
+        return MechanicalSystem(load_robot("pera_shoulder"), friction=friction, gravity=(0.0, 0.0, -9.81 * share))
+
+    law = Scaled.tuned(plant(1.0), goal=[0.4, 0.6], factor=0.7)
+    tracking = make_controller("force_feedback", plant(1.0), interconnection="canonical")
+    compiled, of_tracking = compile_law(law), compile_law(tracking)
+    monkeypatch.setattr(compiled_law_module, "find_compiler", lambda: pytest.fail("the compiler was asked for"))
+    for share in (1.0, 0.5, 2.0):
+        other = compiled.changed(factor=0.8 * share).on(plant(share))
+        assert differences(Scaled(plant(share), **other.interpreted._given), other).max() <= TOLERANCE
+        assert other.step.counts[1] == 0
+        again = of_tracking.on(plant(share))
+        assert differences(again.interpreted, again).max() <= TOLERANCE
+        assert again.interpreted.system.model.gravity.linear[2] == -9.81 * share
+    with pytest.raises(pytest.fail.Exception, match="the compiler was asked for"):
+        compiled.changed(factor=0.1)  # another branch, which none of the compiled ways goes
 
 
 def test_what_is_not_plain_is_answered_by_the_interpreted_law(shoulder):
@@ -381,7 +416,7 @@ def test_another_payload_needs_no_compiler_where_inertias_are_inputs(monkeypatch
     with pytest.raises(pytest.fail.Exception, match="the compiler was asked for"):
         plain.on(heavy_arm)
     with pytest.raises(pytest.fail.Exception, match="the compiler was asked for"):
-        compiled.on(MechanicalSystem(robots[0], gravity=[0.0, 0.0, -1.6]))
+        compiled.on(MechanicalSystem(robots[0], gravity=[0.0, -1.6, -9.0]))
 
 
 def test_laws_that_run_in_other_threads_while_one_is_traced_are_right(shoulder):

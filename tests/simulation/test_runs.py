@@ -24,8 +24,8 @@ from phcontrol.environments.contact_geometry import JointContact
 from phcontrol.environments.disturbances import Step, Wrench
 from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.sensors.force_sensor import ForceSensor
-from phcontrol.simulation.closed_loop import torque_limit_of
 from phcontrol.simulation.integrators import INTEGRATORS
+from phcontrol.simulation.run import torque_limit_of
 from phcontrol.simulation.vector_field import ClosedLoop, Held
 from phcontrol.vision.feature_flow import FeatureFlow
 from tests.conftest import make_system
