@@ -55,4 +55,4 @@ class EnergyShaping(PositionLaw, DampedLaw):
         assert self._trajectory is not None
         position, velocity, acceleration = self._trajectory.at(t)
         leading, error = x.feedforward(velocity, acceleration), x.position_error(position)
-        return _feedback(leading, spring.stiffness, error, self._joint_damping, x.velocity, velocity)
+        return _feedback(leading, spring.stiffness, error, self.joint_damping(x), x.velocity, velocity)
