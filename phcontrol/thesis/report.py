@@ -21,7 +21,8 @@ CHAPTERS = {
     "5": "Chapter 5: visual servoing",
     "6": "Chapter 6: trajectory tracking",
 }
-THEOREMS_STUDY = "theorems"
+PROOFS = ("theorems", "statements")
+"""The studies of what the thesis states in words and equations."""
 FILTERS = {"all": "all", "good": "as printed", "mended": "with a correction", "read": "under a reading",
            "weak": "fitted or vacuous", "bad": "not reproduced"}  # fmt: skip
 
@@ -95,8 +96,8 @@ def _parts(studies: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, list[Ma
     for number, title in CHAPTERS.items():
         found = [study for study in studies if study["study"].startswith(f"fig-{number}-")]
         parts.append((f"chapter-{number}", title, found))
-    parts.append(("proofs", "Theorems and proofs", [s for s in studies if s["study"] == THEOREMS_STUDY]))
-    own = [s for s in studies if not s["study"].startswith("fig-") and s["study"] != THEOREMS_STUDY]
+    parts.append(("proofs", "Theorems, proofs and statements", [s for s in studies if s["study"] in PROOFS]))
+    own = [s for s in studies if not s["study"].startswith("fig-") and s["study"] not in PROOFS]
     parts.append(("own", "Studies of our own", own))
     return [part for part in parts if part[2]]
 

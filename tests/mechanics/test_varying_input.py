@@ -51,8 +51,9 @@ def test_every_law_keeps_its_promise_with_it(system, law):
         try:
             controller = make_controller(law, system, interconnection=form)
         except InvalidArgumentError as error:
-            assert "input_matrix" not in str(error)  # not for this arm, whatever its motors
-            continue
+            if "input_matrix" in str(error):
+                raise
+            continue  # not for this arm, whatever its motors
         found = certify(controller, system, samples=20)
         assert found.passed, found
 
@@ -109,7 +110,7 @@ def test_the_gain_is_found_without_a_damping_that_is_the_same_everywhere(system)
         np.linalg.eigvalsh(crank(q) @ law.damping @ crank(q).T)[0]
         for q in np.random.default_rng(0).normal(size=(50, 3))
     )
-    assert 0.0 < found.bound
+    assert found.bound > 0.0
     assert found.bound == pytest.approx(1.0 / least, rel=0.5)
 
 
