@@ -76,7 +76,8 @@ def mass_matrix(q: Array, *, printed: bool = False) -> Array:
     m[6, 6] = i67
     m[7, 7] = i7
     upper: Array = m[1:, 1:]
-    return upper + np.triu(upper, 1).T
+    whole: Array = upper + np.triu(upper, 1).T
+    return whole
 
 
 def potential_gradient(q: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,11 @@ def rate(
 
 def slope(function: Callable[[Array], Any], point: Array) -> Array:
     """Return ∂f/∂x by finite differences: [k] is the derivative by x_k."""
-    return np.array([central_difference(lambda h, e=e: function(point + h * e), _STEP) for e in np.eye(point.size)])
+    return np.array([central_difference(partial(_shifted, function, point, e), _STEP) for e in np.eye(point.size)])
+
+
+def _shifted(function: Callable[[Array], Any], point: Array, direction: Array, h: float) -> Any:
+    return function(point + h * direction)
 
 
 def off(found: Any, true: Any) -> float:

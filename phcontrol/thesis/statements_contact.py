@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import block_diag
 
 from phcontrol._validation import Array
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
+from phcontrol.environments.contact_geometry import JointContact
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured
@@ -16,15 +19,21 @@ from phcontrol.thesis.exact import exact, largest_real_part, negative, off, posi
 from phcontrol.thesis.fig_3_1 import GOAL
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.origin import Origin
+from phcontrol.thesis.printed_coupling import PrintedCoupling
 from phcontrol.thesis.statements_plant import draw, shoulder
 
 FORCE_GAIN = np.array([0.5, 4.0])  # diagonal of a K_z with two gains: κ₁, κ₂
-GRIPPER = {"goal": [0.0], "stiffness": 1.0, "rest_stiffness": 0.5, "damping": 3.0}  # of section 4.2.2, R1
+GRIPPER: dict[str, Any] = {
+    "goal": [0.0],
+    "stiffness": 1.0,
+    "rest_stiffness": 0.5,
+    "damping": 3.0,
+}  # of section 4.2.2, R1
 
 
 def contact_claims() -> list[Claim]:
     """Return the claims of chapter 4 that no figure shows."""
-    return [_positive_form(), _port(), _stable(), _law_for_the_gripper()]
+    return [_positive_form(), _port(), _stable(), _law_for_the_gripper(), _coupling()]
 
 
 def _positive_form() -> Claim:
@@ -86,7 +95,8 @@ def _stable() -> Claim:
     found = largest_real_part(loop, np.concatenate([GOAL, np.zeros(4)]))
     return negative(
         "grasping-stable", "impedance grasping brings the arm to q_f asymptotically: largest real part of the "
-        "eigenvalues of the true loop", "Theorem 4.2.3", [Finding((found,), "E15, E27")], "the shoulder, with f_e cancelled", "1/s",
+        "eigenvalues of the true loop", "Theorem 4.2.3", [Finding((found,), "E15, E27")],
+        "the shoulder, with f_e cancelled", "1/s",
     )  # fmt: skip
 
 
@@ -111,4 +121,27 @@ def _law_for_the_gripper() -> Claim:
         "law-for-the-gripper", "(4.59) is the law with which the gripper's loop is (4.56)",
         "section 4.2.2, (4.47), (4.59)", errors["printed"], errors["mended"], "E15, E27, E28",
         "for m_g = 0.5: a factor m_g before K_p(q̇ - q̇_rl), none in C(q̇ + …), and -2K_p(q̄ - q_rl)", origin=Origin.TEXT,
+    )  # fmt: skip
+
+
+def _coupling() -> Claim:
+    """Hold the energy of gripper and body, coupled as (4.65) and (4.66) print it, to what is supplied and lost."""
+    system = MechanicalSystem(load_robot("pera_gripper"))
+    body = PrintedCoupling(JointContact("gripper", 0.2), stiffness=0.1, damping=0.1, mass=0.5)
+    worst = 0.0
+    for x, drawn in draw(system, 3):
+        closed = system.at([-abs(x.position[0])], x.velocity)  # beyond where the body begins
+        torque, state = drawn[:1], drawn[1:]
+        touched = body.touch(closed, state)
+        acceleration = closed.acceleration(torque, touched.force)
+        grown = rate(
+            lambda y, own: y.energy + body.touch(y, own).stored, closed, acceleration, state, touched.state_rate
+        )
+        lost = closed.velocity @ closed.friction_torque + 0.1 * (state[1] / 0.5) ** 2
+        worst = max(worst, off(torque @ closed.velocity - lost, grown))
+    return exact(
+        "coupling", "(4.65) and (4.66) interconnect gripper and body without loss: H + H_c changes by what u brings "
+        "and d_g, d_c take", "section 4.2.2, (4.63) to (4.66)", worst,
+        reason="f_e q̇ + u_c y_c = 0. It is a gyrator, no contact: at rest there is no force, and the figures' 0.20 "
+        "N·m is not in it (R8)", origin=Origin.TEXT,
     )  # fmt: skip

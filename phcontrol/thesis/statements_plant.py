@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from phcontrol._differences import central_difference
 from phcontrol._validation import Array
 from phcontrol.analysis.equilibrium import equilibrium
 from phcontrol.analysis.l2_gain import l2_gain
@@ -226,13 +227,13 @@ def _growth_where_it_fails() -> float:
     for _ in range(SAMPLES):
         q, v, u, t = (float(value) for value in generator.normal(size=4))
 
-        def stored(h: float, q: float = q, v: float = v, u: float = u, t: float = t) -> float:
-            hat, k = m * (v + q), 1.0 + 0.1 * t
-            acceleration = (-k * q - d * hat / m - m * v + u) / m  # of what p̂̇ = −kq − d p̂/m + ū makes
-            there, speed = q + h * v, v + h * acceleration
+        acceleration = (-(1.0 + 0.1 * t) * q - d * (v + q) - m * v + u) / m  # of p̂̇ = −kq − d p̂/m + ū
+
+        def stored(h: float, q: float = q, v: float = v, a: float = acceleration, t: float = t) -> float:
+            there, speed = q + h * v, v + h * a
             return 0.5 * m * (speed + there) ** 2 + 0.5 * (1.0 + 0.1 * (t + h)) * there**2
 
-        grown = float(slope(lambda h, stored=stored: stored(float(h[0])), np.zeros(1))[0])
+        grown = float(central_difference(stored, 1e-4))
         largest = max(largest, grown - (v + q) * u)
     return largest
 

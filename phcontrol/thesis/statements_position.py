@@ -110,8 +110,9 @@ def _stability() -> list[Claim]:
 def _lever(x: MechanicalState, law: ForceFeedback) -> tuple[Array, Array]:
     """Return ĜB̄ and Y⁻¹ĜB̄ of (3.36), without their signs."""
     Y = law.coupling @ law.force_gain
-    upper = np.linalg.solve(x.transformed_injection(law.damping), x.inverse_factor)
-    return upper, np.linalg.solve(Y, upper)
+    upper: Array = np.linalg.solve(x.transformed_injection(law.damping), x.inverse_factor).astype(float)
+    lower: Array = np.linalg.solve(Y, upper).astype(float)
+    return upper, lower
 
 
 def _forced(x: MechanicalState, z: Array, law: ForceFeedback, force: Array, sign: float) -> float:
@@ -154,7 +155,7 @@ def _constant_force() -> list[Claim]:
         upper, lower = _lever(x, law)
         zero, one = np.zeros((2, 2)), np.eye(2)
         P = np.block([
-            [law.potential.stiffness, zero, zero, zero],
+            [15.0 * one, zero, zero, zero],
             [zero, one, zero, upper],
             [zero, zero, np.linalg.inv(law.force_gain), -lower],
             [zero, upper.T, -lower.T, K_f * one],
@@ -176,7 +177,8 @@ def _constant_force() -> list[Claim]:
               "E8 to E10, E29",
               "ĜB̄ in (3.37) changes with q, of which 𝒦 in (3.36) knows nothing (E34): for the constant mass of the "
               f"gripper it is true with E29 ({_balance(gripper, force, -1.0):.1g}; as printed "
-              f"{_balance(gripper, force, 1.0):.2g}), for the arms that the chapter is about it is not", already="E8 to E10"),
+              f"{_balance(gripper, force, 1.0):.2g}), for the arms that the chapter is about it is not",
+              already="E8 to E10"),
     ]  # fmt: skip
 
 

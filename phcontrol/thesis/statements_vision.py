@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,13 +53,11 @@ def _features() -> list[Claim]:
         point = back_project(seen, FOCAL, OBJECT_LENGTH)
         velocity, twist = generator.normal(size=3), generator.normal(size=6)
         Z = point[2]
-        moved = central_difference(lambda h, p=point, v=velocity: project(p + h * v, FOCAL, OBJECT_LENGTH), 1e-4)
+        moved = central_difference(partial(_moved, point, velocity), 1e-4)
         for name, last in (("point printed", FOCAL / Z), ("point", -seen[2] / Z)):
             rows = np.array([[FOCAL / Z, 0.0, -seen[0] / Z], [0.0, FOCAL / Z, -seen[1] / Z], [0.0, 0.0, last]])
             errors[name] = max(errors[name], off(rows @ velocity, moved))
-        shown = central_difference(
-            lambda h, p=point, w=twist: project(pin.exp6(h * w).actInv(p), FOCAL, OBJECT_LENGTH), 1e-4
-        )
+        shown = central_difference(partial(_shown, point, twist), 1e-4)
         delta = interaction_matrix(seen, FOCAL, OBJECT_LENGTH)
         printed = delta.copy()
         printed[2, 2] *= -1.0
@@ -70,6 +69,16 @@ def _features() -> list[Claim]:
         exact("features-of-a-camera", "with the velocity of the camera they obey (5.3)", "section 5.1, (5.3)",
               errors["camera printed"], errors["camera"], "E17", "the velocity in the camera's own axes"),
     ]  # fmt: skip
+
+
+def _moved(point: Array, velocity: Array, h: float) -> Array:
+    """Return the features of a point that moves, after a time h."""
+    return project(point + h * velocity, FOCAL, OBJECT_LENGTH)
+
+
+def _shown(point: Array, twist: Array, h: float) -> Array:
+    """Return the features of a point at rest, of a camera that moves, after a time h."""
+    return project(pin.exp6(h * twist).actInv(point), FOCAL, OBJECT_LENGTH)
 
 
 def _balances() -> list[Claim]:
@@ -136,7 +145,8 @@ def _transformation() -> Claim:
         """Return β of (6.14): with all of ∂(q̇_dᵀMq̇_d)/∂q, and without ∂(−V + ½q̃ᵀK_t q̃)/∂q."""
         goal, x = trajectory.at(t), system.at(q)
         shaped = stiffness @ x.position_error(goal.position) - x.potential_gradient
-        return corrected.input_change(q, p, t) - shaped + 0.5 * slope(lambda y: kinetic(y, goal.velocity), q)
+        kept: Array = corrected.input_change(q, p, t) - shaped
+        return kept + 0.5 * slope(lambda y: kinetic(y, goal.velocity), q)
 
     def residual(energy: Any, change: Any) -> float:
         return check_canonical_transformation(corrected.coordinates, energy, change, system, samples=SAMPLES).residual
