@@ -23,6 +23,7 @@ from phcontrol.sensors.measured import Measured
 from phcontrol.thesis.claim import Claim
 from phcontrol.thesis.exact import exact, off, rate, slope
 from phcontrol.thesis.fig_5_3 import GOAL, PRINTED_DAMPING, PRINTED_GAIN, START
+from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.statements_plant import SAMPLES, SEED, shoulder
 from phcontrol.thesis.tracking import GAINS, sinusoid
@@ -37,7 +38,7 @@ FOCAL = PinholeCamera().focal_length  # [m]
 
 def vision_claims() -> list[Claim]:
     """Return the claims of chapter 5 that no figure shows."""
-    return [*_features(), *_balances()]
+    return [*_features(), *_balances(), _reached()]
 
 
 def tracking_claims() -> list[Claim]:
@@ -126,6 +127,21 @@ def _grown(
         return 0.5 * float(momentum @ momentum)
 
     return float(rate(stored, x, x.acceleration(command.torque), np.zeros(law.state_size), np.zeros(law.state_size)))
+
+
+def _reached() -> Claim:
+    """Measure how far the camera is from the object where its features are the desired ones."""
+    system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
+    camera = PinholeCamera().mounted_on(system.robot)
+    thing = ObservedObject.seen_as(camera, START, system.at(system.robot.home))
+    pose = system.robot.placement(str(camera.frame), goal_posture(system, thing, GOAL))
+    away = float(np.linalg.norm(pose.translation - thing.position))
+    return Claim(
+        "camera-at-object", "where the features are the desired ones, the camera is at the object: distance",
+        Origin.TEXT, "section 5.4.2", (0.0,), "mm", 10.0, [Finding((1e3 * away,), chosen="L = 38 mm")],
+        reason=f"an object of 38 mm that is 2 mm long in the image is f L/l_d = "
+        f"{1e3 * FOCAL * OBJECT_LENGTH / GOAL[2]:.0f} mm away; for L = 7.2 or 10 mm it would be 36 or 50 mm",
+    )  # fmt: skip
 
 
 def _transformation() -> Claim:

@@ -41,7 +41,7 @@ NOT_REPRODUCED: dict[str, set[str]] = {
     "fig-6-3": set(),
     "fig-6-4": set(),
     "theorems": set(),
-    "statements": {"forced-balance", "passive-only-if"},
+    "statements": {"camera-at-object", "forced-balance", "passive-only-if"},
     "track-pera": {"hold"},
     "pera-press": set(),
     "grasp-grid": {"contact", "impact", "settled"},
