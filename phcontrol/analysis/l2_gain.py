@@ -127,8 +127,10 @@ def _gain(target: Promise) -> float:
 def _bound(controller: Controller, system: MechanicalSystem, largest: float) -> tuple[float, str]:
     """Return γ and what it comes from: a damping that is the same in every state, where that explains all of them."""
     constant: dict[str, float] = {}
+    if system.varying_input is not None:
+        return largest, "samples"
     if controller.injected_damping is not None:
-        G = np.eye(system.n) if system.input_matrix is None else system.input_matrix
+        G = np.eye(system.n) if system.constant_input is None else system.constant_input
         constant["injected damping"] = float(np.linalg.eigvalsh(G @ controller.injected_damping @ G.T)[0])
     if isinstance(system.friction, DeclaredFriction):
         constant["viscous friction"] = float(np.min(system.friction.viscous))

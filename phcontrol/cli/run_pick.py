@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from phcontrol._validation import choice, positive
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli.options import JsonOption, PortOption, RecordOption, ViewOption
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
@@ -33,13 +34,16 @@ def pick(
     as_json: JsonOption = False,
 ) -> None:
     """See an object, reach it, grasp it: camera to force in one chain. Exit code 1 unless all are in view and held."""
+    choice("features", features, FEATURES)
+    positive("duration", duration)
+    seen_by = None if camera is None else read_camera(camera)
     check_writable(out, record)
     with watching(Showing(view, record, port, as_json)) as watch:
         result = run_pick(
             objects=objects,
             seed=seed,
             duration=duration,
-            camera=None if camera is None else read_camera(camera),
+            camera=seen_by,
             features=features,
             samples=samples,
             watch=watch,

@@ -368,10 +368,10 @@ class Controller(Declared, ABC):
             force -= x.factor.dot(law.offset_rate)
         if law.cancelled_force is not None:
             force -= law.cancelled_force
-        torque = _finite_copy(self.system.motor_torque(force), self.system.n)
+        torque = _finite_copy(x.motor_torque(force), self.system.n)
         if torque is None:
             raise NonFiniteTorqueError(
-                self.name, t, torque=self.system.motor_torque(force), position=x.position, velocity=x.velocity,
+                self.name, t, torque=x.motor_torque(force), position=x.position, velocity=x.velocity,
                 controller_state=state,
             )  # fmt: skip
         return Command(torque, law.state_rate)

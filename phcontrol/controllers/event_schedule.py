@@ -93,8 +93,9 @@ class EventSchedule(LawSequence):
     ``evaluate`` stays a pure function of time, state and measurements. The clock of each law starts with its phase.
 
     Hand-over: a law that is made at its :class:`HandOver` begins with its own calmest state, where H_d is smallest, and
-    can take the posture there for its goal or for the start of its reference: then what is desired does not jump. Laws
-    that are given share the parts of their state, as in a :class:`Schedule`. Each law's H_d and target hold while it
+    can take the posture there for its goal or for the start of its reference: then what is desired does not jump. Its
+    energy tank goes on with what is left in it: entering a phase again fills nothing. Laws that are given share the
+    parts of their state, as in a :class:`Schedule`. Each law's H_d and target hold while it
     acts; by how much H_d and the torque jump at each switch is kept (``switches``), and nothing is claimed about it.
 
     A certificate is made of each of its ``laws``, one by one: of the whole, whose H_d jumps, there is none.
@@ -236,7 +237,9 @@ class EventSchedule(LawSequence):
             )
             if not isinstance(self._phases[index].law, Controller):
                 law, places = self._law_of(index, after), self._places[index]
-                after[places] = law.calmest_state(0.0, x, law.initial_state(x))
+                after[places] = law.initial_state(x)
+                after[self._tank] = state[self._tank]  # what is left in it: no law is made with energy of its own
+                after[places] = law.calmest_state(0.0, x, after[places])
         before, now = (self.evaluate(t, x, each, measured).torque for each in (state, after))
         after[_BEFORE] = leaving.law.storage(t - leaving.start, x, own, measured)
         after[_AFTER] = self.storage(t, x, after, measured)
@@ -278,6 +281,10 @@ class EventSchedule(LawSequence):
                 raise InvalidArgumentError(
                     "law", f"made at hand-over of '{phase.name}' must have the same states everywhere"
                 )
+            level = law.tank_level(np.zeros(law.state_size))
+            if level != self.laws[index].tank_level(np.zeros(law.state_size)):
+                message = f"made at hand-over of '{phase.name}' must start its tank at the same level everywhere"
+                raise InvalidArgumentError("law", message)
             known = self._last_made[source] = (key, law)
         return known[1]
 

@@ -107,7 +107,7 @@ class ImpedanceGrasping(RegulatedLaw):
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State s = K_p e, its rate, the rate of the rest length (and of q_f), and the effort."""
         external, at = self._measurement(measured, "external_force"), self._stretched(t, x, state)
-        G = self.system.input_matrix
+        G = x.gears
         output = at.adapted if G is None else G.T.dot(at.adapted)
         rest_rate = at.force - output - at.rest_force
         injected = at.rest_force - at.force - self.damping.dot(output)

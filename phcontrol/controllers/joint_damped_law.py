@@ -18,14 +18,18 @@ class JointDampedLaw(ShapedLaw):
     damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
 
     def prepare(self) -> None:
-        """Form G C Gᵀ."""
+        """Form G C Gᵀ where it is the same everywhere."""
         super().prepare()
-        G = self.system.input_matrix
+        G = self.system.constant_input
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
 
     def joint_damping(self, x: MechanicalState) -> Array:
         """Return G C Gᵀ, shape (n, n) [N·m·s/rad]."""
-        return self._joint_damping
+        if self.system.varying_input is None:
+            return self._joint_damping
+        G = x.input_matrix
+        damping: Array = G @ self.damping @ G.T
+        return damping
 
     @property
     def injected_damping(self) -> Array | None:

@@ -14,6 +14,7 @@ from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping
+from phcontrol.controllers.tanked_law import TANK
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.exceptions import InvalidArgumentError
@@ -62,6 +63,8 @@ class LawSequence(Controller):
             self._parts |= law.state_parts
         ends = np.cumsum([0, *self._parts.values()])
         places = {name: np.arange(a, b) for name, a, b in zip(self._parts, ends, ends[1:], strict=False)}
+        self._tank: Array = places.get(TANK, np.zeros(0, dtype=int))
+        """Where the tank of the laws that share one is."""
         self._places = [
             np.concatenate([np.zeros(0, dtype=int), *(places[name] for name in law.state_parts)]) for law in self.laws
         ]

@@ -36,7 +36,7 @@ class PassivePort(NamedTuple):
             sliding: w, the velocity with which friction appears in the closed loop; None where it is compensated.
             further_losses: what does not depend on q̇ [W].
         """
-        matrix = x.system.input_matrix
+        matrix = x.gears
         output = velocity if matrix is None else matrix.T.dot(velocity)
         power = further_losses + velocity.dot(injected)
         if sliding is not None and x.system.friction is not None:

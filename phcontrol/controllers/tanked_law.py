@@ -142,7 +142,7 @@ class TankedLaw(Controller):
         port = super().passive_port(t, x, state[:-1], measured)
         _, flow, damped = self._flow(t, x, port, state)
         kept = flow.refill * damped
-        power = port.dissipated_power - float(self._velocity(port).dot(kept)) + flow.lost
+        power = port.dissipated_power - float(self._velocity(x, port).dot(kept)) + flow.lost
         return PassivePort(port.output, power, port.resistance - kept)
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
@@ -181,7 +181,7 @@ class TankedLaw(Controller):
     def _flow(self, t: float, x: MechanicalState, port: PassivePort, state: Array) -> tuple[Array, TankFlow, Array]:
         """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
         torque: Array = sum((action.torque(t, x) for action in self.paid[1:]), self.paid[0].torque(t, x))
-        velocity, damping = self._velocity(port), self.joint_damping(x)
+        velocity, damping = self._velocity(x, port), self.joint_damping(x)
         damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
         power = float(torque.dot(velocity))
         if not math.isfinite(power):
@@ -189,9 +189,9 @@ class TankedLaw(Controller):
         flow = self.tank.flow(float(state[-1]), power, float(damped.dot(velocity)))
         return torque, flow, damped
 
-    def _velocity(self, port: PassivePort) -> Array:
+    def _velocity(self, x: MechanicalState, port: PassivePort) -> Array:
         """Return v̂ of ŷ = Gᵀv̂."""
-        G = self.system.input_matrix
+        G = x.gears
         return port.output if G is None else np.linalg.solve(G.T, port.output)
 
 

@@ -18,6 +18,7 @@ from phcontrol.mechanics.pose import FrameKinematics
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import REFERENCES, Coupling, Robot, wrapped
 from phcontrol.mechanics.task_space import TaskSpace
+from phcontrol.mechanics.varying_input import VaryingInput
 
 INTERCONNECTIONS = ("coriolis", "canonical")
 """The two choices of J̄₂: "coriolis" needs no tensor, "canonical" is the thesis's (2.37), errata E6."""
@@ -36,7 +37,8 @@ class Plant(Protocol):
     friction: Friction | None
     full_damping: MatrixDamping | None
     potentials: tuple[Potential, ...]
-    input_matrix: Array | None
+    constant_input: Array | None
+    varying_input: VaryingInput | None
     model: pin.Model
     weightless_model: pin.Model
     data: pin.Data
@@ -46,6 +48,10 @@ class Plant(Protocol):
 
     def at(self, position: ArrayLike, velocity: ArrayLike | None = None) -> MechanicalState:
         """Return the state at q and q̇."""
+        ...
+
+    def motor_torque(self, force: Array) -> Array:
+        """Return G⁻¹f for a constant G."""
         ...
 
     def frame_id(self, name: str) -> int:
@@ -144,7 +150,7 @@ class MechanicalState:
 
     def injected_damping(self, damping: Array, velocity: Array) -> Array:
         """Return G C Gᵀv for an injected damping C and a velocity v [rad/s], shape (n,) [N·m]."""
-        matrix = self.system.input_matrix
+        matrix = self.gears
         force: Array = damping.dot(velocity) if matrix is None else matrix.dot(damping.dot(matrix.T.dot(velocity)))
         return force
 
@@ -161,15 +167,28 @@ class MechanicalState:
         return momentum
 
     @lazy
+    def gears(self) -> Array | None:
+        """G(q), shape (n, n); None for the identity, with which nothing need be multiplied."""
+        system = self.system
+        return system.constant_input if system.varying_input is None else system.varying_input.matrix(self.position)
+
+    @lazy
     def input_matrix(self) -> Array:
-        """G, shape (n, n)."""
-        matrix = self.system.input_matrix
+        """G(q), shape (n, n)."""
+        matrix = self.gears
         return np.eye(self.system.n) if matrix is None else matrix
+
+    def motor_torque(self, force: Array) -> Array:
+        """Return u = G(q)⁻¹f, the torque that acts on the joints as f, shape (n,) [N·m]."""
+        system = self.system
+        if system.varying_input is None:
+            return system.motor_torque(force)
+        return system.varying_input.solve(self.position, force)
 
     @lazy
     def output(self) -> Array:
         """Output y = Gᵀq̇, shape (n,): the plant's power port is (u, y) [rad/s]."""
-        matrix = self.system.input_matrix
+        matrix = self.gears
         output: Array = self.velocity if matrix is None else matrix.T.dot(self.velocity)
         return output
 
@@ -201,7 +220,8 @@ class MechanicalState:
     def applied_force(self, torque: Array, external_force: Array | None = None) -> Array:
         """Return G u + f_e − D q̇ − ∂V_springs/∂q: every joint force but weight and inertia [N·m]."""
         system = self.system
-        force: Array = torque if system.input_matrix is None else system.input_matrix.dot(torque)
+        matrix = self.gears
+        force: Array = torque if matrix is None else matrix.dot(torque)
         if external_force is not None:
             force = force + external_force
         if system.friction is not None:
@@ -221,7 +241,7 @@ class MechanicalState:
 
     def momentum_rate(self, torque: Array, external_force: Array | None = None) -> Array:
         """Return ṗ = f + G u, shape (n,) [N·m]."""
-        matrix = self.system.input_matrix
+        matrix = self.gears
         rate: Array = self.total_force(external_force) + (torque if matrix is None else matrix.dot(torque))
         return rate
 

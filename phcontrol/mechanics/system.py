@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -21,6 +21,7 @@ from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.potentials import Potential
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.varying_input import VaryingInput
 
 _finite_copy = kernels.finite_copy
 
@@ -32,7 +33,7 @@ def check_system(system: object) -> None:
 
 
 class MechanicalSystem:
-    """The plant M(q)q̈ + C(q,q̇)q̇ + D(q̇)q̇ + ∂V/∂q = G u + f_e, thesis (2.2) with errata E2.
+    """The plant M(q)q̈ + C(q,q̇)q̇ + D(q̇)q̇ + ∂V/∂q = G(q) u + f_e, thesis (2.2) with errata E2.
 
     In port-Hamiltonian form: p = M q̇, H = ½pᵀM⁻¹p + V(q), output y = Gᵀq̇. The external force f_e
     [N·m] acts on the joints (B = I): a wrench F at a frame enters as 𝒥ᵀF (2.5).
@@ -42,7 +43,9 @@ class MechanicalSystem:
         friction: a friction model, None for a frictionless arm, or "robot" for what the robot's
             description gives. :class:`MatrixDamping` for a full D(q, q̇).
         potentials: potentials in addition to gravity and to those of the robot itself (its springs).
-        input_matrix: G, (n, n) and invertible; the identity if not given.
+        input_matrix: G, (n, n) and invertible; the identity if not given. Or a function q ↦ G(q), invertible wherever
+            the arm goes: for states, laws, simulations and certificates. What needs a G known beforehand (torque
+            filters, limits, compiled laws, momentum observers) refuses it.
         gravity: acceleration of gravity in the world frame [m/s²].
 
     One system serves one thread: states made by it share a workspace.
@@ -54,7 +57,7 @@ class MechanicalSystem:
         *,
         friction: Friction | Literal["robot"] | None = "robot",
         potentials: Sequence[Potential] = (),
-        input_matrix: ArrayLike | None = None,
+        input_matrix: ArrayLike | Callable[[Array], ArrayLike] | None = None,
         gravity: ArrayLike = (0.0, 0.0, -9.81),
     ) -> None:
         if not isinstance(robot, Robot):
@@ -74,12 +77,18 @@ class MechanicalSystem:
             self.full_damping.check(robot.home)
         own = sequence("potentials", potentials, "potentials", "gradient", "energy")
         self.potentials: tuple[Potential, ...] = (*robot.potentials, *own)
-        self.input_matrix: Array | None = None
-        if input_matrix is not None:
-            self.input_matrix = matrix("input_matrix", input_matrix, self.n)
-            if np.linalg.cond(self.input_matrix) > 1e12:
+        self.constant_input: Array | None = None
+        """G where it is the same everywhere, and not the identity."""
+        self.varying_input: VaryingInput | None = None
+        """G(q) where it is a function."""
+        if callable(input_matrix):
+            self.varying_input = VaryingInput(input_matrix, self.n)
+            self.varying_input.matrix(robot.home)
+        elif input_matrix is not None:
+            self.constant_input = matrix("input_matrix", input_matrix, self.n)
+            if np.linalg.cond(self.constant_input) > 1e12:
                 raise InvalidArgumentError("input_matrix", "must be invertible")
-            self.input_factors = lapack.dgetrf(self.input_matrix)[:2]
+            self.input_factors = lapack.dgetrf(self.constant_input)[:2]
         self.model: pin.Model = robot.model.copy()
         self.model.gravity.linear = np.array(vector("gravity", gravity, 3))
         self.weightless_model: pin.Model = self.model.copy()
@@ -113,8 +122,22 @@ class MechanicalSystem:
             q, v = vector("position", position, self.n), vector("velocity", velocity, self.n)
         return self.state_type(self, q, v)
 
+    @property
+    def input_matrix(self) -> Array | None:
+        """G, shape (n, n), or None for the identity. Raises InvalidArgumentError where it depends on q."""
+        self.need_constant_input("what was asked for")
+        return self.constant_input
+
+    def need_constant_input(self, user: str) -> None:
+        """Raise InvalidArgumentError where G depends on q, for someone who needs a constant one."""
+        if self.varying_input is not None:
+            raise InvalidArgumentError("input_matrix", f"depends on q, and {user} needs one that does not")
+
     def motor_torque(self, force: Array) -> Array:
-        """Return u = G⁻¹f, the torque that acts on the joints as f, shape (n,) [N·m]."""
+        """Return u = G⁻¹f, the torque that acts on the joints as f, shape (n,) [N·m].
+
+        Raises InvalidArgumentError where G depends on q: then ``MechanicalState.motor_torque`` has it.
+        """
         if self.input_matrix is None:
             return force
         torque: Array = lapack.dgetrs(*self.input_factors, force)[0]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phcontrol._files import write_json
-from phcontrol._validation import count, positive
+from phcontrol._validation import choice, count, positive
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import SAMPLES, certify
 from phcontrol.controllers.controller import Controller
@@ -202,6 +202,7 @@ def run_pick(
         progress: as in ``simulate``.
         watch: likewise.
     """
+    choice("features", features, FEATURES)
     count("objects", objects)
     positive("duration", duration)
     system = MechanicalSystem(load_robot(ROBOT))

@@ -94,7 +94,7 @@ class ControlBox:
         x = system.state_type(system, y[:n], y[n:])
         torque = self._torque
         if braking:
-            torque = system.motor_torque(x.potential_gradient - self._damping * x.velocity)
+            torque = x.motor_torque(x.potential_gradient - self._damping * x.velocity)
             limit = system.robot.effort_limit
             torque = clipped(torque, -limit, limit)
         force = None if self._disturbance is None else self._disturbance(t, x)

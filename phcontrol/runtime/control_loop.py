@@ -100,6 +100,7 @@ class ControlLoop:
         self.period = positive("period", period)
         if controller.system.n != system.n:
             raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
+        system.need_constant_input("the stop of a control loop")
         self.system = system
         self.start_time = number("start_time", start_time, minimum=0.0)
         self.stop_time = number("stop_time", stop_time, minimum=0.0)

@@ -46,6 +46,7 @@ class MomentumObserver:
     def __init__(self, system: MechanicalSystem, gain: float = 50.0, *, period: float | None = None) -> None:
         check_system(system)
         self.system = system
+        self._input = system.input_matrix
         self.gain = positive("gain", gain)
         self.period = None if period is None else positive("period", period)
 
@@ -61,7 +62,7 @@ class MomentumObserver:
             return state
         view = x.seen_by(self.system)
         modeled = view.total_force()
-        motors = torque if self.system.input_matrix is None else self.system.input_matrix.dot(torque)
+        motors = torque if self._input is None else self._input.dot(torque)
         unexplained = (view.momentum - state.momentum) / elapsed - 0.5 * (modeled + state.modeled) - motors
         fading = math.exp(-self.gain * elapsed)
         estimate: Array = fading * state.estimate + (1.0 - fading) * unexplained

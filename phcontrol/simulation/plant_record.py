@@ -29,7 +29,7 @@ def plant_record(system: MechanicalSystem) -> dict[str, Any]:
         "inertias": [_numbers(inertia) for inertia in model.inertias],
         "armature": np.asarray(model.armature).tolist(),
         "gravity": np.asarray(model.gravity.linear).tolist(),
-        "input_matrix": None if system.input_matrix is None else system.input_matrix.tolist(),
+        "input_matrix": None if system.constant_input is None else system.constant_input.tolist(),
         "friction": None,
         "springs": [],
         "unknown": [],
@@ -38,6 +38,8 @@ def plant_record(system: MechanicalSystem) -> dict[str, Any]:
         record["friction"] = {name: np.asarray(getattr(friction, name)).tolist() for name in _FRICTION}
     elif friction is not None:
         record["unknown"].append(type(friction).__name__)
+    if system.varying_input is not None:
+        record["unknown"].append("an input matrix that depends on q")
     for potential in system.potentials:
         spring, joint = (potential.potential, potential.index) if type(potential) is OnJoint else (potential, None)
         if type(spring) is GripperSpring:

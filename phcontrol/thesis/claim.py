@@ -34,6 +34,8 @@ class Claim:
     """How ours must stand to the printed value, within the tolerance."""
     reason: str = ""
     """Why we do not agree, or what to know where we do."""
+    stand_in: bool = False
+    """Whether the thesis measured it on the arm, and ours is a simulation that stands in for that: counted apart."""
 
     def holds(self, finding: Finding) -> bool:
         """Whether a finding is what is printed, within the tolerance. What is never, or no number, is not."""
@@ -81,12 +83,15 @@ class Claim:
             "best": self.findings.index(self.best),
             "findings": [finding.to_dict() | {"holds": self.holds(finding)} for finding in self.findings],
             "reason": self.reason,
+            "stand_in": self.stand_in,
         }
 
     def __str__(self) -> str:
+        measured = " (measured; ours is a simulation)" if self.stand_in else ""
         whose = "thesis" if self.origin.of_the_thesis else "aim"
         sign = "" if self.relation == "=" else f"{self.relation} "
-        lines = [f"  {self.verdict_text}: {self.statement}: {whose} {sign}{_text(self.printed)} {self.unit}".rstrip()]
+        printed = f"{whose} {sign}{_text(self.printed)} {self.unit}".rstrip()
+        lines = [f"  {self.verdict_text}: {self.statement}{measured}: {printed}"]
         for finding in self.findings:
             notes = [finding.chosen, finding.vacuous and f"could not fail: {finding.vacuous}"]
             value = f"{_text(finding.ours)} {self.unit}".rstrip()

@@ -20,11 +20,13 @@ class ConstantMassGrasping(ImpedanceGrasping):
     closed loop is not (4.56), and its certificate fails. It is here to draw the thesis's figures with.
 
     Args:
+        cancels_force: whether −f_e is in it, as printed.
         printed_sign: q̇_rl = −ŷ − K_p e − K_rl q_rl as (4.44) has it, which errata E15 corrects.
     """
 
     name = "constant_mass_grasping"
 
+    cancels_force: Flag = Flag(default=True)
     printed_sign: Flag = Flag(default=False)
 
     def _output(self, x: MechanicalState, force: Array) -> Array:
@@ -42,7 +44,7 @@ class ConstantMassGrasping(ImpedanceGrasping):
             - self._stiffness.dot(x.velocity - rest_rate)
             - self.damping.dot(output)
         )
-        external = self._measurement(measured, "external_force")
+        external = self._measurement(measured, "external_force") if self.cancels_force else None
         return Shaping(effort, cancelled_force=external, state_rate=rest_rate)
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:

@@ -21,7 +21,7 @@ class Finding:
     erratum: str = ""
     """Corrections that were made, "E8 to E10"; empty for none."""
     reading: str = ""
-    """How the text was read, a key of ``READINGS``; empty where it can be read in one way only."""
+    """How the text was read, keys of ``READINGS`` as "R1" or "R1, R8"; empty where it can be read in one way only."""
     chosen: str = ""
     """What the thesis leaves open, and what was taken for it."""
     fitted: bool = False
@@ -30,8 +30,13 @@ class Finding:
     """Why the value could not have been another; empty where it could."""
 
     def __post_init__(self) -> None:
-        if self.reading:
-            choice("reading", self.reading, READINGS)
+        for name in self.readings:
+            choice("reading", name, READINGS)
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Every reading that the value rests on."""
+        return tuple(self.reading.split(", ")) if self.reading else ()
 
     @property
     def verdict(self) -> Verdict:

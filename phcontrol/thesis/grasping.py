@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.measures import impact_force, settling_time, touch_time
 from phcontrol.thesis.origin import Origin
+from phcontrol.thesis.printed_coupling import PrintedCoupling
 from phcontrol.thesis.reversed_compensation import ReversedCompensation
 from phcontrol.thesis.study import Outcome
 
@@ -43,14 +44,17 @@ STRETCHED = -0.20
 """A rest length q_rl(0) with which the rest-length law touches under R2 too [rad]: chosen for the printed times."""
 DURATION, REGULATED_DURATION, DT = 12.0, 30.0, 2e-3  # [s]
 NOISE, PERIOD = 0.01, 0.01  # stand-in for the measurements: [N·m], [s]
-READ_TIME, READ_LONG, READ_FORCE, READ_ANGLE = 0.025, 0.25, 0.025, 0.01
-"""How finely the figures' numbers are given, half of what they are multiples of: of 0.05 s up to a second, of 0.5 s
-beyond when a force is there, of 0.05 N·m (the thesis prints N). And how far two curves of a figure may be apart and
-still be called one on top of the other [rad]."""
+READ_TIME, READ_LATER, READ_LONG, READ_FORCE, READ_ANGLE = 0.025, 0.05, 0.25, 0.025, 0.01
+"""How finely the figures' numbers are given, half of what they are multiples of: of 0.05 s up to a second, of 0.1 s
+beyond, of 0.5 s where a force is there after "t > 2 s", of 0.05 N·m (the thesis prints N). And how
+far two curves of a figure may be apart and still be called one on top of the other [rad]."""
 ALLOYS = {False: (150.0, 1.0), True: (70.0, 1.0)}
 """Stiffness [N·m/rad] and damping [N·m·s/rad] chosen for the rigid body, in simulation and stand-in: with them the
 classical law (4.60) has the printed impact."""
 FOAM = (35.0, 0.5)  # likewise for the foam; the printed stiffness, 0.1 N·m/rad, needs 2 rad for 0.2 N·m
+COUPLED = (0.5, 0.01, 0.1, 5.0)
+"""Masses m_c of the body coupled as (4.65) and (4.66) print it [kg·m²], which the thesis does not print: that of the
+gripper, and others."""
 FOAM_TEXT = f"foam of {FOAM[0]:g} N·m/rad and {FOAM[1]:g} N·m·s/rad instead of the printed numbers"
 STYLES = {
     "grasping": ("#0072b2", "-", "rest-length law (4.59)"),
@@ -90,6 +94,8 @@ def run(name: str, body: str, quantity: str, sampled: bool) -> Outcome:
     logs = _logs(body, sampled)
     printed = PRINTED[(body, sampled)]
     claims = _position_claims(body, sampled, printed) if quantity == "position" else _force_claims(body, sampled)
+    if sampled:
+        claims = [replace(claim, stand_in=claim.origin.of_the_thesis) for claim in claims]
     kind = "a stand-in for the measurement: sampled at 10 ms, noisy force" if sampled else "simulation"
     notes = [
         "R1: the body stands at 0.20 rad, the virtual position is 0, against the printed q_f = 0.20. R2: both are at "
@@ -113,7 +119,7 @@ def _body_text(body: str, sampled: bool) -> str:
         )
     return (
         "mass of the foam 0.01 kg·m², its surface 50 N·m/rad; the foam's K_c and d_c are the printed ones unless said "
-        "otherwise; its coupling by (4.65), f_e = -y_c, is not: it makes the force a velocity, nothing at rest"
+        "otherwise; coupled by (4.65), f_e = -y_c, and (4.66), as printed, under R8, elsewhere by what touches"
     )
 
 
@@ -177,10 +183,28 @@ def _logs(body: str, sampled: bool) -> dict[str, Log]:
         for name, law in make_laws(system, body, reading).items():
             duration = REGULATED_DURATION if name.endswith("regulated") else DURATION
             logs[f"{reading}-{name}"] = grasp(law, make_body(body, name, sampled), sampled=sampled, duration=duration)
+    if body == "compliant" and not sampled:
+        logs |= {f"R8-{name}": log for name, log in _coupled(COUPLED[0]).items()}
     if body == "compliant":
         for name, law in make_laws(system, body, "R1").items():
             logs[f"R1-foam-{name}"] = grasp(law, make_body("chosen foam", name), sampled=sampled)
     return logs
+
+
+@cache
+def _coupled(mass: float) -> dict[str, Log]:
+    """Run the thesis's laws on the body coupled as (4.65) and (4.66) print it, with a mass m_c [kg·m²]."""
+    laws = make_laws(MechanicalSystem(load_robot("pera_gripper")), "compliant", "R1")
+    body = PrintedCoupling(JointContact("gripper", PLACE), stiffness=0.1, damping=0.1, mass=mass)
+    return {name: grasp(laws[name], body) for name in LAWS}
+
+
+@cache
+def _spring_at_a_stop() -> float:
+    """Return the force of the virtual spring in the end, (4.39), where a stop holds the fingers at 0.20 rad [N·m]."""
+    law = make_laws(MechanicalSystem(load_robot("pera_gripper")), "rigid", "R1")["grasping"]
+    log = grasp(law.changed(cancels_force=False), make_body("rigid", "regulated"))
+    return float(log.position[-1, 0] - log.controller_state[-1, 0])  # K_p = 1, q_f = 0
 
 
 @cache
@@ -239,7 +263,7 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
         claims += [
             Claim(
                 "contact-classical", "first contact with the classical laws (4.60), (4.61)", Origin.FIGURE, where,
-                (printed.contact[1],), "s", READ_TIME,
+                (printed.contact[1],), "s", READ_TIME if printed.contact[1] <= 1.0 else READ_LATER,
                 [Finding((touch[f"{reading}-classical"],), reading=reading) for reading in VIRTUAL],
                 reason="before contact the body does not matter, so that with K_Hd = 3, as printed for both bodies, "
                 "figures 4.2 and 4.4 are of one motion, yet print 0.80 s and 1.30 s. The note \"we choose K_Hd = C\" "
@@ -263,6 +287,8 @@ def _position_claims(body: str, sampled: bool, printed: Printed) -> list[Claim]:
             Origin.FIGURE, where, (0.0,), "rad", READ_ANGLE,
             [Finding((apart["R1"],), reading="R1"),
              Finding((apart["R2"],), reading="R2", vacuous=never),
+             *(Finding((_apart(logs, "R8", "classical-compensated"),), reading="R1, R8", chosen=COUPLED_MASS)
+               for _ in range("R8-classical" in logs)),
              *(Finding((_apart(logs, group, "classical-reversed"),), reading="R1", chosen=_reversed_on(group),
                        fitted=True) for group in reversed_in)],
             reason="once there is contact, (4.60) is held by the body and (4.61), which does not feel it, is not; with "
@@ -293,6 +319,7 @@ GROWS = (
     "K_p q_f of (4.39) is the force of the virtual spring, not of the contact. Nor would (4.59) without -f_e do: it "
     "would rest where f_e = (d_g + C) K_p 0.20 N·m"
 )
+COUPLED_MASS = f"m_c = {COUPLED[0]:g} kg·m², as the gripper's"
 NOT_FELT = "it cancels the f_e that it measures: it presses on, whatever the body answers (R1), or never touches (R2)"
 OUT_OF_ORDER = (
     f"{NOT_FELT}. Up to contact (4.60) and (4.61) are one law and hit the body equally fast; then (4.61), with the "
@@ -327,6 +354,11 @@ def _force_claims(body: str, sampled: bool) -> list[Claim]:
             Finding((values[f"R1-{law}"],), erratum, "R1", alloy, fitted=fitted and not compliant, vacuous=same),
             Finding((values[f"R2-{law}"],), erratum, "R2", vacuous=untouched),
         ]
+        if f"R8-{law}" in values:
+            found.append(Finding((values[f"R8-{law}"],), erratum, "R1, R8", COUPLED_MASS))
+        if values is settled and law != "grasping" and math.isfinite(values[f"R1-{law}"]):
+            passed, alike = 0.5 * math.floor(2.0 * values[f"R1-{law}"]), f"in half seconds passed. {alloy}".strip()
+            found.append(Finding((passed,), erratum, "R1, R9", alike, vacuous=same))
         if compliant:
             found.append(Finding((values[f"R1-foam-{law}"],), erratum, "R1", FOAM_TEXT, fitted=True))
         if law == "classical-compensated":
@@ -360,8 +392,8 @@ def _force_claims(body: str, sampled: bool) -> list[Claim]:
     claims += [
         Claim("steady-force", "the force of the rest-length law has no steady-state error", Origin.TEXT, where,
               (FORCE,), "N·m", 0.05 * FORCE,
-              [Finding((float(logs[f"{reading}-grasping"].contact_force[-1]),), "E15", reading, alloy)
-               for reading in VIRTUAL], reason=GROWS),
+              [*(Finding((float(logs[f"{group}-grasping"].contact_force[-1]),), "E15", reading, chosen)
+                 for group, reading, chosen in _groups(logs, alloy)), *_at_a_stop(body, sampled)], reason=GROWS),
     ]  # fmt: skip
     if not sampled:
         claims.append(
@@ -376,10 +408,30 @@ def _force_claims(body: str, sampled: bool) -> list[Claim]:
         claims.append(
             Claim("smoother", "contact is smoother with the compliant body than with the rigid one: ratio of impacts",
                   Origin.TEXT, "section 4.2.2", (1.0,), "", 0.0,
-                  [Finding((worst,), "E15", "R1", vacuous="of two bodies the softer answers less, whatever the law")],
+                  [Finding((worst,), "E15", "R1", vacuous="of two bodies the softer answers less, whatever the law"),
+                   Finding((_coupled_impact(rigid),), "E15", "R1, R8", "the worst m_c of "
+                           + ", ".join(f"{mass:g}" for mass in COUPLED) + " kg·m²")],
                   "<=", "the largest ratio of the three laws")
         )  # fmt: skip
     return claims + _own_claims(logs)
+
+
+def _groups(logs: dict[str, Log], alloy: str) -> list[tuple[str, str, str]]:
+    """Return the groups of runs, the readings that each is under, and what was chosen for it."""
+    groups = [(reading, reading, alloy) for reading in VIRTUAL]
+    return [*groups, ("R8", "R1, R8", COUPLED_MASS)] if "R8-grasping" in logs else groups
+
+
+def _at_a_stop(body: str, sampled: bool) -> list[Finding]:
+    """Return the force of (4.39) where a rigid body is a stop; a sensor does not show it, so not where it measured."""
+    if body == "compliant" or sampled:
+        return []
+    return [Finding((_spring_at_a_stop(),), "E15", "R1, R7", "a body of 2000 N·m/rad; K_p(q - q_rl) after 12 s")]
+
+
+def _coupled_impact(rigid: dict[str, float]) -> float:
+    """Return the largest impact of any law on the body coupled as printed, of any mass, over that on the rigid one."""
+    return max(_ratio(impact_force(_coupled(mass)[law]), rigid[f"R1-{law}"]) for law in LAWS for mass in COUPLED)
 
 
 def _own_claims(logs: dict[str, Log]) -> list[Claim]:
@@ -403,6 +455,8 @@ def _figure(logs: dict[str, Log], body: str, quantity: str, name: str, printed: 
     panels = {"R1": "R1: virtual position 0, body at 0.20", "R2": "R2: virtual position 0.20, where the body begins"}
     if body == "compliant":
         panels = {"R1": "R1, foam as printed", "R1-foam": f"R1, foam of {FOAM[0]:g} N·m/rad", "R2": panels["R2"]}
+        if "R8-grasping" in logs:
+            panels["R8"] = "R1, R8: foam as printed, coupled by (4.65) and (4.66)"
     figure = Figure(figsize=(8.5, 1.2 + 2.9 * len(panels)), layout="constrained")
     figure.suptitle(f"Figure {name[4:].replace('-', '.', 1)}: {quantity}, {body} body")
     for axes, (group, title) in zip(figure.subplots(len(panels), 1, sharey=True), panels.items(), strict=True):

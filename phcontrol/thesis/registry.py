@@ -49,6 +49,7 @@ STUDIES: dict[str, Study] = {
     "fig-6-3": Study("tracking", "three frequencies, stand-in for the measured (thesis figure 6.3)", ("fig-6-3",)),
     "fig-6-4": Study("tracking", "their errors, stand-in for the measured (thesis figure 6.4)", ("fig-6-4",)),
     "theorems": Study("theorems", "the thesis's theorems: closed loops, power balances, definite matrices, the gain"),
+    "statements": Study("statements", "the thesis's equations, examples, remarks and appendix A, chapter by chapter"),
     "track-pera": Study("track_pera", "all seven joints follow sinusoids, control at 1 kHz"),
     "pera-press": Study("pera_press", "the seven-joint arm presses a wall with 10 N, soft to hard"),
     "grasp-grid": Study("grasp_grid", "the grasping laws compared under equal conditions, over bodies and gains"),

@@ -38,7 +38,8 @@ def claim_card(claim: Mapping[str, Any]) -> Iterable[str]:
     theirs = "thesis" if Origin(claim["origin"]).of_the_thesis else "aim"
     sign = {"=": "", "<=": "≤ ", ">=": "≥ "}[claim["relation"]]
     yield f'<div class="claim {kind(claim)}"><span class="verdict">{linked(claim["verdict_text"])}</span>'
-    yield f'<p class="statement">{escape(claim["statement"])}</p>'
+    badge = '<span class="stand-in">measured on the arm; ours is a simulation</span>' if claim["stand_in"] else ""
+    yield f'<p class="statement">{escape(claim["statement"])}{badge}</p>'
     yield (
         f'<p class="numbers"><span>{theirs} <b>{sign}{values(claim["printed"], claim["unit"])}</b></span>'
         f"<span>ours <b>{values(best['ours'], claim['unit'])}</b></span>"

@@ -55,11 +55,13 @@ class Reproduction:
     def summary(self) -> str:
         """Return how many claims were reproduced and how many certificates passed, in a few lines."""
         claims = [claim for study in self.results["studies"] for claim in study["claims"]]
-        theirs, ours = Tally.of_the_thesis(claims), Tally.of_ours(claims)
+        theirs, ours, measured = Tally.of_the_thesis(claims), Tally.of_ours(claims), Tally.of_stand_ins(claims)
         rows = [row for row in self.results["certificates"] if "passed" in row]
         tasks = (*self.run, *self.kept)
         lines = [
             f"the thesis's claims: {theirs.reproduced} of {theirs.total} reproduced ({theirs.by_verdict})\n"
+            "what it measured on the arm, for which simulations stand in: "
+            f"{measured.reproduced} of {measured.total} ({measured.by_verdict})\n"
             f"our own claims: {ours.reproduced} of {ours.total} met"
             if any(name in STUDIES for name in tasks)
             else "no study was asked for",

@@ -25,8 +25,15 @@ class Tally:
 
     @classmethod
     def of_the_thesis(cls, claims: Iterable[Mapping[str, Any]]) -> Tally:
-        """Count what the thesis states."""
-        return cls.of(claims, [origin for origin in Origin if origin.of_the_thesis])
+        """Count what the thesis proves, says or simulates; what it measured on the arm is counted apart."""
+        shown = [claim for claim in claims if not claim["stand_in"]]
+        return cls.of(shown, [origin for origin in Origin if origin.of_the_thesis])
+
+    @classmethod
+    def of_stand_ins(cls, claims: Iterable[Mapping[str, Any]]) -> Tally:
+        """Count what the thesis measured on the arm, for which a simulation stands in here."""
+        measured = [claim for claim in claims if claim["stand_in"]]
+        return cls.of(measured, [origin for origin in Origin if origin.of_the_thesis])
 
     @classmethod
     def of_ours(cls, claims: Iterable[Mapping[str, Any]]) -> Tally:
@@ -38,7 +45,7 @@ class Tally:
         """Count what the thesis states by the verdict under one reading; what was run under no such is left out."""
         verdicts = []
         for claim in claims:
-            findings = [entry for entry in claim["findings"] if entry["reading"] == reading]
+            findings = [entry for entry in claim["findings"] if reading in entry["reading"].split(", ")]
             if findings and Origin(claim["origin"]).of_the_thesis:
                 held = [Verdict(entry["verdict"]) for entry in findings if entry["holds"]]
                 verdicts.append(min(held, key=list(Verdict).index, default=Verdict.NOT_REPRODUCED))

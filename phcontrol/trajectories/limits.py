@@ -107,7 +107,8 @@ def check_samples(
 
 def _torque(system: MechanicalSystem, position: Array, velocity: Array, acceleration: Array) -> Array:
     """Return the torque of inverse dynamics [N·m]."""
-    return system.motor_torque(system.at(position, velocity).feedforward(velocity, acceleration))
+    x = system.at(position, velocity)
+    return x.motor_torque(x.feedforward(velocity, acceleration))
 
 
 def _peaks(

@@ -43,7 +43,7 @@ class TrackingTransformation:
     def input_change(self, position: Array, momentum: Array, t: float) -> Array:
         """Return β, shape (n,) [N·m]."""
         x = self._state(position, momentum)
-        return self.system.motor_torque(self.input_force(x, self.trajectory.at(t)))
+        return x.motor_torque(self.input_force(x, self.trajectory.at(t)))
 
     def output_change(self, position: Array, momentum: Array, t: float) -> Array:
         """Return α, shape (n,) [rad/s]."""

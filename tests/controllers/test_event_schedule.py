@@ -316,3 +316,36 @@ def test_in_a_control_loop_it_switches_as_in_simulation_and_begins_anew_after_a_
     ph.drive(loop, arm, 0.02, paced=False)
     assert schedule.phase(loop.controller_state) == "wait"
     assert loop.controller_state[1] > 1.0  # its phase began at the restart, not at 0: it waits for its whole time
+
+
+def stirred(system, initial=0.6):
+    stir = ph.ExternalAction(lambda t, x: 8.0 * x.velocity + 0.2)  # takes energy out of the tank all the time
+    tank = ph.EnergyTank(initial=initial, lowest=0.02, highest=2.0)
+    return ph.with_tank(ph.EnergyShaping)(system, goal=GOAL, **GAINS, actions=stir, tank=tank)
+
+
+def test_entering_a_phase_again_does_not_fill_its_tank(shoulder):
+    """A law made at each hand-over goes on with what is left in its tank; else switching would give energy."""
+    schedule = EventSchedule([
+        Phase("stir", lambda at: stirred(shoulder), [(After(0.3), "rest")], within=9.0),
+        Phase("rest", spring(shoulder), [(After(0.2), "stir")], within=9.0),
+    ])  # fmt: skip
+    log, switches = run(shoulder, schedule, duration=2.0)
+    assert [switch.entering for switch in switches] == ["rest", "stir"] * 4
+    law, place = stirred(shoulder), list(schedule.state_parts).index("tank")
+    column = sum(list(schedule.state_parts.values())[:place])
+    levels = np.array([law.tank.level(state) for state in log.controller_state[:, column]])
+    at = [int(np.searchsorted(log.time, switch.time - 1e-9)) for switch in switches]
+    for leaving, entering in zip(at[::2], at[1::2], strict=True):
+        assert levels[leaving] == levels[entering] < law.tank.initial - 0.05
+    assert levels[0] == pytest.approx(law.tank.initial, rel=1e-12)
+    assert np.ptp(levels) > 0.3
+
+
+def test_a_tank_that_starts_at_another_level_at_another_place_is_refused(shoulder):
+    def made(at):
+        return stirred(shoulder, 0.6 if at.position[0] == shoulder.robot.home[0] else 1.9)
+
+    schedule = EventSchedule([Phase("a", spring(shoulder), [(After(0.1), "b")], within=1.0), Phase("b", made)])
+    with pytest.raises(ph.SimulationError, match="'b' must start its tank at the same level"):
+        run(shoulder, schedule, q0=[0.2, 0.1], duration=0.2)

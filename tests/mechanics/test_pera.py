@@ -11,8 +11,8 @@ import pytest
 import yourdfpy
 
 from phcontrol import MechanicalSystem, load_robot
+from phcontrol.thesis import appendix_a
 from tests.conftest import SHIPPED, make_system
-from tests.mechanics import appendix_a
 
 EXACT = 1e-12  # sums of some thirty products of numbers of order one
 

@@ -127,6 +127,15 @@ def test_one_object_is_seen_reached_and_held(one):
 
 
 @pytest.mark.study
+def test_an_orange_object_is_seen_reached_and_held():
+    """By its colour, whose length in the image depends on the tilt: less near than by a marker."""
+    (pick,) = run_pick(objects=1, seed=3, samples=0, features="colour").picks
+    assert pick.held
+    assert pick.in_view
+    assert pick.distance < 0.012
+
+
+@pytest.mark.study
 def test_its_files_and_its_summary(one, tmp_path):
     files = one.write(tmp_path)
     assert {file.name for file in files} == {"log.npz", "picks.json", "certificates.json", "pick.png"}
@@ -151,6 +160,7 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path, monkeypatch, argument
     result = CliRunner().invoke(app, ["run", "pick", *arguments])
     assert result.exit_code == 2
     assert problem in " ".join(result.output.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []  # refused before anything is made
 
 
 @pytest.mark.study

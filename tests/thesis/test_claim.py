@@ -14,8 +14,8 @@ from phcontrol.thesis.tally import Tally
 from phcontrol.thesis.verdict import Verdict
 
 
-def claim(*findings, relation="=", origin=Origin.TEXT, reason="why", name="x"):
-    return Claim(name, "x is 1", origin, "nowhere", (1.0,), "rad", 0.1, findings, relation, reason)
+def claim(*findings, relation="=", origin=Origin.TEXT, reason="why", name="x", stand_in=False):
+    return Claim(name, "x is 1", origin, "nowhere", (1.0,), "rad", 0.1, findings, relation, reason, stand_in)
 
 
 @pytest.mark.parametrize(
@@ -65,6 +65,17 @@ def test_a_claim_that_is_not_reproduced_must_say_why():
         _ = claim(Finding((2.0,)), reason="").verdict
 
 
+def test_a_finding_may_rest_on_several_readings():
+    finding = Finding((1.0,), "E15", "R1, R7")
+    assert finding.readings == ("R1", "R7")
+    assert finding.verdict is Verdict.READING
+    assert claim(finding).verdict_text == "under reading R1, R7, with correction E15"
+    with pytest.raises(UnknownNameError, match="unknown reading 'R99'"):
+        Finding((1.0,), reading="R1, R99")
+    entry = claim(finding).to_dict()
+    assert [Tally.under([entry], reading).reproduced for reading in ("R1", "R7", "R2")] == [1, 1, 0]
+
+
 def test_readings_are_those_that_are_listed():
     with pytest.raises(UnknownNameError, match="unknown reading 'R99'.*R1"):
         Finding((1.0,), reading="R99")
@@ -87,6 +98,20 @@ def test_the_tally_counts_the_thesis_apart_and_only_what_could_fail():
     assert (Tally.of_ours(claims + ours).total, Tally.of_ours(claims + ours).reproduced) == (2, 1)
     assert [claim(findings[i], origin=Origin.OURS).verdict_text for i in (0, 5)] == ["met", "not met"]
     assert Tally.of(claims, iter([Origin.TEXT])).total == 6
+
+
+def test_what_a_simulation_stands_in_for_is_counted_apart():
+    shown, measured, wrong = (
+        claim(Finding((1.0,))),
+        claim(Finding((1.0,)), stand_in=True),
+        claim(Finding((2.0,)), stand_in=True),
+    )
+    claims = [entry.to_dict() for entry in (shown, measured, wrong, claim(Finding((1.0,)), origin=Origin.OURS))]
+    assert (Tally.of_the_thesis(claims).reproduced, Tally.of_the_thesis(claims).total) == (1, 1)
+    assert (Tally.of_stand_ins(claims).reproduced, Tally.of_stand_ins(claims).total) == (1, 2)
+    assert Tally.of_ours(claims).total == 1
+    assert "(measured; ours is a simulation)" in str(measured)
+    assert "measured" not in str(shown)
 
 
 def test_a_tally_under_one_reading_counts_only_what_was_run_under_it():

@@ -6,7 +6,10 @@ import re
 from pathlib import Path
 
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.thesis.claim import Claim
 from phcontrol.thesis.errata import errata
+from phcontrol.thesis.finding import Finding
+from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.readings import READINGS
 from phcontrol.thesis.report import report
 from phcontrol.thesis.report_claims import linked
@@ -60,3 +63,24 @@ def test_a_theorem_whose_certificate_fails_is_seen_to():
     assert re.search(r'Theorem 4\.1\.1</b>.*?<td class="good">1 of 1 passed</td><td class="number">1\.0e-09', page)
     assert re.search(r'Theorem 6\.1\.1</b>.*?<td class="bad">0 of 0 passed', page)
     assert page.count('id="law-integral_action"') == 1
+
+
+def test_what_was_measured_on_the_arm_is_counted_and_marked_apart():
+    def entry(name, ours, stand_in):
+        return Claim(name, f"{name} is 1", Origin.FIGURE, "figure 4.7", (1.0,), "s", 0.1, [Finding((ours,))],
+                     reason="why", stand_in=stand_in).to_dict()  # fmt: skip
+
+    claims = [entry("shown", 1.0, False), entry("measured", 1.0, True), entry("wrong", 2.0, True)]
+    study = {
+        "study": "fig-4-7",
+        "title": "t",
+        "notes": [],
+        "figures": [],
+        "logs": [],
+        "recordings": [],
+        "claims": claims,
+    }
+    page = report({"versions": {}, "studies": [study | {"seeds": {}}], "certificates": [], "failed": {}})
+    assert "<b>1 of 1</b>of the thesis's claims reproduced" in page
+    assert "<b>1 of 2</b>of what it measured on the arm" in page
+    assert page.count("measured on the arm; ours is a simulation") == 2

@@ -334,3 +334,80 @@ def test_the_shift_that_3_40_prints_is_seen_in_a_simulation_of_the_measured_law_
         )
         log = simulate(system, made, duration=25.0, dt=1e-2, q0=goal, disturbance=force)
         np.testing.assert_allclose(log.position[-1], rest, atol=2e-3)
+
+
+def dissipation(D, damped):
+    """K of (3.15), with the sign of E11."""
+    return np.block([[D + damped, D @ Y], [Y.T @ D, Y.T @ D @ Y]])
+
+
+def test_e40_friction_in_every_joint():
+    """(3.15): K is positive definite where D̄ is, and A invertible; with D̄ ≥ 0, all that is asked, it need not be."""
+    for x, _ in states(arm(), 0):
+        _, _, D, G = bar(x)
+        damped = G @ C @ G.T
+        assert np.linalg.eigvalsh(dissipation(D, damped))[0] > 1e-6  # this arm has friction in all joints
+        inverse = np.linalg.inv(x.factor)
+        for friction in (np.zeros(3), x.damping * [1.0, 1.0, 0.0]):  # D ≥ 0 as (2.2) has it
+            K = dissipation(inverse @ np.diag(friction) @ inverse.T, damped)
+            assert np.linalg.eigvalsh(K)[0] < 1e-9 * np.linalg.eigvalsh(K)[-1]
+        assert np.linalg.matrix_rank(dissipation(np.zeros((3, 3)), damped), tol=1e-9) == 3
+        # with the printed sign the eigenvalues are the same: the claim fails for either
+        mirror = np.diag([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+        printed = mirror @ dissipation(D, damped) @ mirror
+        np.testing.assert_allclose(printed[:3, 3:], -D @ Y, atol=1e-12)
+        np.testing.assert_allclose(
+            np.linalg.eigvalsh(printed), np.linalg.eigvalsh(dissipation(D, damped)), rtol=1e-9, atol=1e-12
+        )
+
+
+def test_e41_the_product_of_two_gains():
+    """(3.49): K_iK_p⁻¹ of K_i, K_p > 0 may be indefinite; U ≥ 0 where K_iᵀK_p + K_pK_i ≥ 0. And H_i grows without."""
+    turn = np.array([[np.cos(0.6), -np.sin(0.6)], [np.sin(0.6), np.cos(0.6)]])
+    K_i, K_p = np.diag([20.0, 1.0]), turn @ np.diag([1.0, 20.0]) @ turn.T
+    for matrix in (K_i, K_p):
+        assert np.linalg.eigvalsh(matrix)[0] > 0.9  # as printed
+    ratio = K_i @ np.linalg.inv(K_p)
+    assert np.linalg.eigvalsh(0.5 * (ratio + ratio.T))[0] < -1.0
+    assert np.linalg.eigvalsh(K_i.T @ K_p + K_p @ K_i)[0] < 0.0
+    # with p̃ = z = 0 the rate of H_i is −gᵀK_iK_p⁻¹g, g = K_p q̃: it grows where that is negative
+    gradient = np.linalg.eigh(0.5 * (ratio + ratio.T))[1][:, 0]
+    assert -gradient @ ratio @ gradient > 1.0
+    # where the corrected condition holds, so does U ≥ 0: the two are congruent by K_p
+    draw, seen = np.random.default_rng(4), {True: 0, False: 0}
+    for _ in range(200):
+        turns = [np.linalg.qr(draw.normal(size=(2, 2)))[0] for _ in range(2)]
+        K_i, K_p = (each @ np.diag([1.0, draw.uniform(1.0, 100.0)]) @ each.T for each in turns)
+        ratio = K_i @ np.linalg.inv(K_p)
+        holds = np.linalg.eigvalsh(K_i.T @ K_p + K_p @ K_i)[0] >= 0.0
+        assert holds == (np.linalg.eigvalsh(ratio + ratio.T)[0] >= 0.0)
+        seen[bool(holds)] += 1
+    assert min(seen.values()) > 5
+    for gain in (np.diag([1.0, 0.5]), np.diag([3.0, 7.0])):  # diagonal ones, as in section 3.4
+        ratio = gain @ np.linalg.inv(np.diag([15.0, 4.0]))
+        assert np.linalg.eigvalsh(ratio + ratio.T)[0] > 0.0
+
+
+def test_e42_the_constant_of_the_forced_energy():
+    """(3.38): P̂ is positive definite for a K_f that is large enough, not for any K_f > 0."""
+    for x, _ in states(arm(), 0):
+        inverse, _, _, G = bar(x)
+        upper = np.linalg.solve(G @ C @ G.T, inverse)
+        lower = np.linalg.solve(Y, upper)
+        enough = upper.T @ upper + lower.T @ K_Z @ lower
+
+        def least(K_f, upper=upper, lower=lower):
+            zero, one = np.zeros((3, 3)), np.eye(3)
+            P = np.block(
+                [
+                    [K_P, zero, zero, zero],
+                    [zero, one, zero, upper],
+                    [zero, zero, np.linalg.inv(K_Z), -lower],
+                    [zero, upper.T, -lower.T, K_f],
+                ]
+            )
+            return np.linalg.eigvalsh(P)[0]
+
+        assert least(enough + 1e-3 * np.eye(3)) > 0.0
+        assert least(0.5 * enough) < 0.0
+        assert np.linalg.eigvalsh(0.5 * enough)[0] > 0.0  # a K_f > 0, as printed

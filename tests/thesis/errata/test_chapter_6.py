@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from phcontrol import MechanicalSystem, StribeckFriction, check_canonical_transformation, load_robot
+from phcontrol.thesis import appendix_a
 from tests.conftest import make_system
 from tests.finite_differences import derivative, gradient
-from tests.mechanics import appendix_a
 from tests.thesis.errata.loop import FORCE, along, arm, mismatch, states
 from tests.thesis.errata.test_chapter_3 import WRONG, C, bar
 

@@ -1,18 +1,20 @@
-"""Appendix A of the thesis, transcribed; m̄₁₁ with erratum E1. An independent M(q) and ∂V/∂q of the PERA."""
+"""Appendix A of the thesis, transcribed: M(q) and ∂V/∂q of the seven-joint PERA, independent of Pinocchio."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from phcontrol._validation import Array
 
 D3, D5, G = 0.32, 0.28, 9.81  # d_q3, d_q5 [m], g [m/s²]
 M = np.array([0.0, 0.25, 0.15, 2.95, 0.10, 0.85, 0.10, 0.24])  # index 1 to 7 [kg]
 INERTIA = np.array([0.0, 0.10, 0.10, 0.10, 0.05, 0.05, 0.02, 0.02])  # [kg m²]
 
 
-def mass_matrix(q: np.ndarray) -> np.ndarray:
-    """Return M(q), entry by entry as printed."""
-    c1, c2, c3, c4, c5, c6, c7 = np.cos(q)
-    s1, s2, s3, s4, s5, s6, s7 = np.sin(q)
+def mass_matrix(q: Array, *, printed: bool = False) -> Array:
+    """Return M(q) of appendix A, shape (7, 7) [kg·m²]: m̄₁₁ with erratum E1, or as printed."""
+    _, c2, c3, c4, c5, c6, _ = np.cos(q)
+    _, s2, s3, s4, s5, s6, _ = np.sin(q)
     m67 = M[6] + M[7]
     m4567 = M[4] + M[5] + M[6] + M[7]
     i7 = INERTIA[7]
@@ -28,12 +30,15 @@ def mass_matrix(q: np.ndarray) -> np.ndarray:
         - D3**2 * m4567 * c2**2
         - D5**2 * m67 * c3**2
         + 2 * D3 * D5 * m67 * c4
-        # E1: symmetric in m6 and m7
-        + D5**2 * m67 * (c2**2 * c3**2 - c2**2 * c4**2 + c3**2 * c4**2 - c2**2 * c3**2 * c4**2)
+        + D5**2 * m67 * (c2**2 * c3**2 - c2**2 * c3**2 * c4**2)
         - 2 * D3 * D5 * m67 * c2**2 * c4
         + 2 * D3 * D5 * m67 * c2 * c3 * s2 * s4
         + 2 * D5**2 * m67 * c2 * c3 * c4 * s2 * s4
     )
+    if printed:
+        m[1, 1] += D5**2 * (-M[6] * c2**2 * c4**2 + M[7] * (c2**2 * c4**2 - c3**2 * c4**2 + c3**2 * c4**2))
+    else:  # E1: symmetric in m6 and m7
+        m[1, 1] += D5**2 * m67 * (c3**2 * c4**2 - c2**2 * c4**2)
     m[1, 2] = -D5 * s3 * m67 * (D3 * c2 * s4 - D5 * c3 * s2 + D5 * c2 * c4 * s4 + D5 * c3 * c4**2 * s2)
     m[1, 3] = (
         i34567 * c2
@@ -70,12 +75,13 @@ def mass_matrix(q: np.ndarray) -> np.ndarray:
     m[5, 7] = i7 * c6
     m[6, 6] = i67
     m[7, 7] = i7
-    upper = m[1:, 1:]
-    return upper + np.triu(upper, 1).T
+    upper: Array = m[1:, 1:]
+    whole: Array = upper + np.triu(upper, 1).T
+    return whole
 
 
-def potential_gradient(q: np.ndarray) -> np.ndarray:
-    """Return ḡ(q) as printed."""
+def potential_gradient(q: Array) -> Array:
+    """Return ∂V/∂q as printed, shape (7,) [N·m]."""
     c1, c2, c3, c4 = np.cos(q[:4])
     s1, s2, s3, s4 = np.sin(q[:4])
     m67, m45 = M[6] + M[7], M[4] + M[5]
