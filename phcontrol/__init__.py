@@ -41,11 +41,12 @@ from phcontrol.controllers.reduction_servo import ReductionServo
 from phcontrol.controllers.registry import CONTROLLERS, make_controller, register
 from phcontrol.controllers.schedule import Schedule
 from phcontrol.controllers.shaping import Shaping
-from phcontrol.controllers.tanked_law import TankedLaw, with_tank
+from phcontrol.controllers.tanked_law import TankedLaw
 from phcontrol.controllers.target import Target
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking
 from phcontrol.controllers.virtual_position import VirtualPosition, virtual_position
+from phcontrol.controllers.with_tank import with_tank
 from phcontrol.environments.body import Body
 from phcontrol.environments.compliant_body import CompliantBody
 from phcontrol.environments.contact_geometry import JointContact, SphereContact

@@ -16,6 +16,15 @@ _KEPT = 0.9
 _FASTEST_LEAK = 1.0  # [1/s]: far below what held torques resolve
 
 
+class Payment(NamedTuple):
+    """What a tank lets through of what moves the state of a law, and pays for."""
+
+    opening: float
+    """ω, between 0 and 1: the part of the motion that happens, with the power ω P."""
+    share: float
+    """ω_t: ω_t P is what the tank gives; ω, or less where P < 0 and the tank is full."""
+
+
 class TankFlow(NamedTuple):
     """What the valves of a tank let through at one state."""
 
@@ -119,25 +128,52 @@ class EnergyTank:
         """Return the state s of a level [J]."""
         return math.sqrt(2.0 * number("level", level, minimum=0.0)) - math.sqrt(2.0 * self.initial)
 
-    def flow(self, state: float, power: float, damping_power: float) -> TankFlow:
+    def payment(self, state: float, power: float, part: float = 1.0) -> Payment:
+        """Return what the valves let through of a motion of the law's own state, ẋ_t = … − ω_t P/x_t.
+
+        Args:
+            state: s [√J].
+            power: P, what the whole motion would give to the law's storage function [W]; negative where it takes.
+            part: of ``largest_power`` that it may use.
+        """
+        level = self.level(state)
+        opening = self._opening(level, power, part * self.largest_power)
+        if power >= 0.0 or opening == 0.0:
+            return Payment(opening, opening)
+        returned = -opening * power
+        return Payment(opening, opening * self._kept(level, returned, part * self.largest_power) / returned)
+
+    def _opening(self, level: float, power: float, largest: float) -> float:
+        """Return ω: closed at the lower bound, and such that no more than the largest power flows out."""
+        opening = smooth((level - self.lowest) / self.ramp)
+        return opening * largest / power if power > largest else opening
+
+    def _fullness(self, level: float) -> float:
+        """Return 0 to 1, towards the upper bound."""
+        return smooth((level - self.highest) / self.ramp + 1.0)
+
+    def _kept(self, level: float, returned: float, largest: float) -> float:
+        """Return what the tank keeps of a power that is given back to it [W]."""
+        return (1.0 - self._fullness(level)) * min(returned, largest)
+
+    def flow(self, state: float, power: float, damping_power: float, part: float = 1.0) -> TankFlow:
         """Return what the valves let through.
 
         Args:
             state: s [√J].
             power: P_a = aᵀv̂, what the whole action would give to the arm [W]; negative where it takes.
             damping_power: P_d = v̂ᵀΔv̂ ≥ 0, what the damping takes [W].
+            part: of ``largest_power`` that the action may use.
         """
         charge = self.charge(state)
         level = 0.5 * charge * charge
-        opening = smooth((level - self.lowest) / self.ramp)
-        leak = 2.0 * self.leak * opening * level
-        if power > self.largest_power:
-            opening *= self.largest_power / power
-        fullness = smooth((level - self.highest) / self.ramp + 1.0)
-        refill = _KEPT * (1.0 - fullness) * smooth(level / self.lowest)
+        largest = part * self.largest_power
+        leak = 2.0 * self.leak * self._opening(level, 0.0, largest) * level
+        opening = self._opening(level, power, largest)
+        refill = _KEPT * (1.0 - self._fullness(level)) * smooth(level / self.lowest)
         if refill * damping_power > self.largest_power:
             refill = self.largest_power / damping_power
         returned = max(0.0, -opening * power)
-        lost = leak + returned - (1.0 - fullness) * min(returned, self.largest_power)
+        lost = leak + returned - self._kept(level, returned, largest)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
         return TankFlow(opening, refill, lost, charge, rate)
