@@ -251,6 +251,12 @@ class Controller(Declared, ABC):
         """
         return state
 
+    def rate_under_limits(
+        self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
+    ) -> Array:
+        """Return the rate of the law's own state where the torque that acts differs from the law's by a change [N·m]."""
+        return rate
+
     # --- where and when it rests --------------------------------------------------------------------
 
     @property

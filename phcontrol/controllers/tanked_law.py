@@ -128,6 +128,22 @@ class TankedLaw(Controller):
             return super().calmest_state(t, x, state)
         return np.append(super().calmest_state(t, x, state[:-1]), state[-1])
 
+    def rate_under_limits(
+        self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
+    ) -> Array:
+        """Let the tank pay for what a change of the torque δ puts in beyond what is lost, ŷᵀδ − ∇H_dᵀR_d∇H_d.
+
+        H_d and tank together then grow by what f_e supplies, until the tank is empty or its largest power is reached.
+        """
+        charge = self.tank.charge(float(state[-1])) if self.pays else 0.0
+        if not charge:
+            return super().rate_under_limits(t, x, state, rate, change, measured)
+        port = self.passive_port(t, x, state, measured)
+        excess = float(port.output.dot(change)) - port.dissipated_power
+        counted: Array = rate.copy()
+        counted[-1] -= self.tank.spare(float(state[-1]), excess, -float(rate[-1]) * charge) / charge
+        return counted
+
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d + ½x_t² [J]."""
         if not self.pays:

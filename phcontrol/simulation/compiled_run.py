@@ -120,4 +120,15 @@ def run_compiled(
     )  # fmt: skip
     if status == NOT_COMPILED and np.abs(states[reached]).max() < _DIVERGED:
         _not_compiled(f"at t = {reached * dt:g} s it takes a branch that is not compiled")
+    if status == DONE and _tank_was_not_told(loop, torques):
+        _not_compiled("a torque is clipped, for which the law's tank must pay")
+        return False
     return status == DONE
+
+
+def _tank_was_not_told(loop: ClosedLoop, torques: Array) -> bool:
+    """Return whether a law with a tank had a torque clipped: compiled loops leave its rate as it is."""
+    law, limit = loop.controller, loop.torque_limit
+    if limit is None or law.tank_level(np.zeros(law.state_size)) is None:
+        return False
+    return bool((np.abs(torques) >= limit).any())

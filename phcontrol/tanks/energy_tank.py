@@ -61,7 +61,11 @@ class EnergyTank:
     the start of a period, and the arm receives the torque times the velocity as it changes meanwhile. An action that is
     stiff against h can make energy of it, without end: −8 tanh(q̇/0.05) N·m on a Panda raised H_d + ½x_t² from 2.18 to
     2.60 J within 2 s at 1 ms, and dry friction that chatters filled the tank. Euler's step of x_t adds ½ẋ_t²h² to
-    what is filled. Nor does a tank know of torque that limits clip.
+    what is filled.
+
+    **Limits.** Where a torque is clipped, or changed by a filter, a loop lets the tank pay for what that puts into H_d
+    beyond what is lost (``Controller.rate_under_limits``): damping that did not act has filled nothing. What an empty
+    tank cannot pay is what the same limits put into a law without a tank.
 
     As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
     "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters
@@ -141,7 +145,19 @@ class EnergyTank:
         if power >= 0.0 or opening == 0.0:
             return Payment(opening, opening)
         returned = -opening * power
-        return Payment(opening, opening * self._kept(level, returned, part * self.largest_power) / returned)
+        kept = self._kept(level, returned, part * self.largest_power) / returned
+        return Payment(opening, opening * min(1.0, kept))
+
+    def spare(self, state: float, power: float, spent: float) -> float:
+        """Return what the tank gives of a power, beside what it spends already [W]: together at most ω·largest_power.
+
+        Args:
+            state: s [√J].
+            power: that is asked for [W]; 0 is given where it is negative.
+            spent: −x_t ẋ_t [W].
+        """
+        most = self._opening(self.level(state), 0.0, self.largest_power) * self.largest_power
+        return max(0.0, min(power, most - max(0.0, spent)))
 
     def _opening(self, level: float, power: float, largest: float) -> float:
         """Return ω: closed at the lower bound, and such that no more than the largest power flows out."""
