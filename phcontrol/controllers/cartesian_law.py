@@ -205,6 +205,11 @@ class CartesianLaw(TankedLaw, DampedLaw):
         return FramePotential(self.frame, goal, stiffness=self._held, force=force, turning=turning)
 
     @property
+    def leading_spring(self) -> FramePotential:
+        """The spring on the hand, without the wrench."""
+        return self.spring(None)
+
+    @property
     def start_posture(self) -> Array:
         """The preferred posture, or one near home [rad]."""
         return self.system.robot.near_home() if self.preferred_posture is None else self.preferred_posture

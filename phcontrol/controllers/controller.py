@@ -254,7 +254,7 @@ class Controller(Declared, ABC):
     def rate_under_limits(
         self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
     ) -> Array:
-        """Return the rate of the law's own state where the torque that acts differs from the law's by a change [N·m]."""
+        """Return the rate of the law's own state where the torque that acts is the law's plus a change [N·m]."""
         return rate
 
     # --- where and when it rests --------------------------------------------------------------------
