@@ -26,6 +26,7 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.frame_potential import FramePotential, skew
 from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.potentials.potential import Potential
+from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.tanks.action import Action
 from phcontrol.tanks.posture_action import PostureAction
 from phcontrol.tanks.stiffness import Stiffness
@@ -262,6 +263,12 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """Return X with D_x = X Xᵀ: (2ζ)^½ L U S^(−¼)."""
         if self._given_factor is not None:
             return self._given_factor
+        found: Array | None = x.kept.get(self)
+        if found is None:
+            found = x.kept[self] = self._designed_factor(x)
+        return found
+
+    def _designed_factor(self, x: MechanicalState) -> Array:
         root: Array = np.zeros((self._rows, self._rows))
         root[:3, :3] = self._roots[0]
         if self._rows == 6:
@@ -275,13 +282,21 @@ class CartesianLaw(TankedLaw, DampedLaw):
 
     def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
+        known = x.kept.get((self, "damping"))
+        if known is not None and known[0] is velocity:
+            return known[1]  # type: ignore[no-any-return]
         task, factor = x.task_space(self.frame, self._rows), self._damping_factor(x)
         twist = task.jacobian.dot(velocity)
         wrench = factor.dot(twist.dot(factor))
         wrench -= self.nullspace_damping * task.solve_mobility(twist)
         force: Array = wrench.dot(task.jacobian)
         force += self.nullspace_damping * x.mass_matrix.dot(velocity)
+        x.kept[self, "damping"] = velocity, force
         return force
+
+    def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return v_e, shape (n,) [rad/s]."""
+        return self.aim(t, x).velocity
 
     def joint_damping(self, x: MechanicalState) -> Array:
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""

@@ -58,8 +58,7 @@ class DampedLaw(ShapedLaw):
         """State s = −q̇_ref and the effort −∂Ψ/∂q − Δ v_e."""
         aim = self.aim(t, x)
         known = self._measurement(measured, "external_force") if self.cancels_external_force else None
-        effort = self.damping_force(x, aim.velocity)
-        effort += aim.gradient
+        effort = self.damping_force(x, aim.velocity) + aim.gradient
         return Shaping(-effort, *aim.shift(), cancelled_force=known)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:

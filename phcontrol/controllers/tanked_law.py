@@ -155,16 +155,22 @@ class TankedLaw(Controller):
         """Add ω a to the law's effort, and the tank's rate to its state's."""
         if not self.pays:
             return super().shape(t, x, state, measured)
-        law, port = super().shape(t, x, state[:-1], measured), super().passive_port(t, x, state[:-1], measured)
-        torque, flow, _ = self._flow(t, x, port, state)
-        return law._replace(effort=law.effort + flow.opening * torque, state_rate=np.append(law.state_rate, flow.rate))
+        law = super().shape(t, x, state[:-1], measured)
+        torque, flow, _ = self._flow(t, x, self.port_velocity(t, x, state[:-1], measured), state)
+        rate = np.empty(len(state))
+        rate[:-1], rate[-1] = law.state_rate, flow.rate
+        return law._replace(effort=law.effort + flow.opening * torque, state_rate=rate)
+
+    def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return v̂ = T⁻ᵀp̂ of the law without its tank, shape (n,) [rad/s]."""
+        return self._velocity(super().passive_port(t, x, state, measured))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return the law's port, less what the tank keeps of its damping, and with what it loses."""
         if not self.pays:
             return super().passive_port(t, x, state, measured)
         port = super().passive_port(t, x, state[:-1], measured)
-        _, flow, damped = self._flow(t, x, port, state)
+        _, flow, damped = self._flow(t, x, self._velocity(port), state)
         kept = flow.refill * damped
         power = port.dissipated_power - float(self._velocity(port).dot(kept)) + flow.lost
         return PassivePort(port.output, power, port.resistance - kept)
@@ -175,7 +181,7 @@ class TankedLaw(Controller):
             return super().target(t, x, state, measured)  # type: ignore[safe-super]
         law = super().target(t, x, state[:-1], measured)  # type: ignore[safe-super]
         port = super().passive_port(t, x, state[:-1], measured)
-        torque, flow, damped = self._flow(t, x, port, state)
+        torque, flow, damped = self._flow(t, x, self._velocity(port), state)
         size, rows = len(law.coordinates), law.parts[MOMENTUM]
 
         def interconnection() -> Array:
@@ -202,11 +208,16 @@ class TankedLaw(Controller):
             dict(law.parts) | {TANK: slice(size, size + 1)},
         )
 
-    def _flow(self, t: float, x: MechanicalState, port: PassivePort, state: Array) -> tuple[Array, TankFlow, Array]:
+    def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
+        """Return Δ v, shape (n,) [N·m]."""
+        damping = self.joint_damping(x)
+        force: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
+        return force
+
+    def _flow(self, t: float, x: MechanicalState, velocity: Array, state: Array) -> tuple[Array, TankFlow, Array]:
         """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
         torque: Array = sum((action.torque(t, x) for action in self.paid), np.zeros(x.system.n))
-        velocity, damping = self._velocity(port), self.joint_damping(x)
-        damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
+        damped = self.damping_force(x, velocity)
         power = float(torque.dot(velocity))
         if not math.isfinite(power):
             raise NonFiniteTorqueError(self.name, t, action=torque, power=power, velocity=velocity)
