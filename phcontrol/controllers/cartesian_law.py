@@ -20,6 +20,7 @@ from phcontrol.controllers.shaped_law import pose_of
 from phcontrol.controllers.tanked_law import TankedLaw
 from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -101,7 +102,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         preferred_posture: q_r, the posture that is held, and from which the arm's way to the goal is looked for [rad].
         posture_stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
         variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by
-            the tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K it is ζ/3.
+            the tank. D_x is that of K(t), so that ζ is the ratio at every moment, as far as the tank lets K(t) act.
     """
 
     frame: Parameter[str | None, str] = Parameter(default=None, check=_frame)
@@ -162,6 +163,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if self.variation is not None and self.variation.rotational(0.0) is not None and not turns:
             raise InvalidArgumentError("variation", "changes a rotational stiffness, and the law has none")
         turn = self.pose_at(0.0).rotation
+        self._axes = np.eye(3) if self.axes == "world" else turn
         self._linear = self.translational_stiffness if self.axes == "world" else self._in_goal_axes(turn)
         self._across = np.eye(3)
         if self.free_direction is not None:
@@ -249,30 +251,31 @@ class CartesianLaw(TankedLaw, DampedLaw):
             actions.append(PostureAction(self.system, self.frame, *held, rows=self._rows))
         if self.variation is not None:
             K_r = np.zeros((3, 3)) if self.rotational_stiffness is None else self.rotational_stiffness
-            across = self._across if self.axes == "world" else self._across @ self.pose_at(0.0).rotation
+            across = self._across @ self._axes
             actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, across, (self._held, K_r)))
         return tuple(actions)
 
-    def task_damping_matrix(self, x: MechanicalState) -> Array:
+    def task_damping_matrix(self, t: float, x: MechanicalState) -> Array:
         """Return D_x at a state, shape (6, 6), or (3, 3) with a free orientation [N·s/m, N·m·s/rad]."""
-        factor = self._damping_factor(x)
+        factor = self._damping_factor(t, x)
         damping: Array = factor.dot(factor.T)
         return damping
 
-    def _damping_factor(self, x: MechanicalState) -> Array:
+    def _damping_factor(self, t: float, x: MechanicalState) -> Array:
         """Return X with D_x = X Xᵀ: (2ζ)^½ L U S^(−¼)."""
         if self._given_factor is not None:
             return self._given_factor
-        found: Array | None = x.kept.get(self)
-        if found is None:
-            found = x.kept[self] = self._designed_factor(x)
-        return found
+        known: tuple[float, Array] | None = x.kept.get(self)
+        if known is None or (self.variation is not None and known[0] != t):
+            known = x.kept[self] = t, self._designed_factor(t, x)
+        return known[1]
 
-    def _designed_factor(self, x: MechanicalState) -> Array:
+    def _designed_factor(self, t: float, x: MechanicalState) -> Array:
+        linear, turning = self._roots if self.variation is None else self._roots_at(t, self.variation)
         root: Array = np.zeros((self._rows, self._rows))
-        root[:3, :3] = self._roots[0]
+        root[:3, :3] = linear
         if self._rows == 6:
-            root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(self._roots[1])
+            root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(turning)
         mobility = x.task_space(self.frame, self._rows).mobility
         squares, modes, _ = lapack.dsyev(root.T.dot(mobility).dot(root))
         scale = np.sqrt(2.0 * self.damping_ratio) / np.maximum(squares, _FREE * squares[-1]) ** 0.25
@@ -280,28 +283,37 @@ class CartesianLaw(TankedLaw, DampedLaw):
         factor *= scale
         return factor
 
-    def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
+    def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array]:
+        """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any."""
+        linear, turning = variation.translational(t), variation.rotational(t)
+        axes = self._axes
+        return (
+            self._roots[0] if linear is None else kernels.factor(axes @ linear @ axes.T),
+            self._roots[1] if turning is None else kernels.factor(turning),
+        )
+
+    def damping_force(self, t: float, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
         known = x.kept.get((self, "damping"))
-        if known is not None and known[0] is velocity:
-            return known[1]  # type: ignore[no-any-return]
-        task, factor = x.task_space(self.frame, self._rows), self._damping_factor(x)
+        if known is not None and known[1] is velocity and (self.variation is None or known[0] == t):
+            return known[2]  # type: ignore[no-any-return]
+        task, factor = x.task_space(self.frame, self._rows), self._damping_factor(t, x)
         twist = task.jacobian.dot(velocity)
         wrench = factor.dot(twist.dot(factor))
         wrench -= self.nullspace_damping * task.solve_mobility(twist)
         force: Array = wrench.dot(task.jacobian)
         force += self.nullspace_damping * x.mass_matrix.dot(velocity)
-        x.kept[self, "damping"] = velocity, force
+        x.kept[self, "damping"] = t, velocity, force
         return force
 
     def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return v_e, shape (n,) [rad/s]."""
         return self.aim(t, x).velocity
 
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""
         task = x.task_space(self.frame, self._rows)
-        lever = task.jacobian.T @ self._damping_factor(x)
+        lever = task.jacobian.T @ self._damping_factor(t, x)
         damping: Array = lever @ lever.T
         damping += self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
         return damping
@@ -310,7 +322,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """Return the wrench that the law's spring and damper exert by the hand, shape (6,), world axes [N, N·m]."""
         twist = x.task_space(self.frame, self._rows).jacobian.dot(self.aim(t, x).velocity)
         total: Array = -self.hand_spring.wrench(x.frame_kinematics(self.frame), self.pose_at(t))
-        total[: self._rows] -= self.task_damping_matrix(x).dot(twist)
+        total[: self._rows] -= self.task_damping_matrix(t, x).dot(twist)
         return total
 
     # --- gains that suit an arm -------------------------------------------------------------------------

@@ -47,7 +47,7 @@ class ClassicalImpedance(RegulatedLaw):
         felt = self.compensate_external_force or self.regulation is not None
         return ("external_force",) if felt else ()
 
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return K_d, which acts on the joints themselves."""
         return self.damping
 

@@ -338,7 +338,7 @@ class Controller(Declared, ABC):
         """C, shape (n, n) [N·m·s/rad], of a law whose injected damping is −C ŷ; None of others."""
         return None
 
-    def joint_damping(self, x: MechanicalState) -> Array | None:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array | None:
         """Return what the law injects as a damping of the joints, G C Gᵀ, shape (n, n); None where it has no such form.
 
         Power v̂ᵀG C Gᵀv̂ is what an energy tank is filled from.

@@ -191,7 +191,7 @@ class TankedLaw(Controller):
             return matrix
 
         def dissipation() -> Array:
-            matrix, damping = _bordered(law.dissipation), self.joint_damping(x)
+            matrix, damping = _bordered(law.dissipation), self.joint_damping(t, x)
             if damping is not None:
                 matrix[rows, rows] -= flow.refill * x.transformed(damping)
             matrix[size, size] = flow.per_charge(flow.per_charge(flow.lost))
@@ -208,16 +208,16 @@ class TankedLaw(Controller):
             dict(law.parts) | {TANK: slice(size, size + 1)},
         )
 
-    def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
+    def damping_force(self, t: float, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
-        damping = self.joint_damping(x)
+        damping = self.joint_damping(t, x)
         force: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
         return force
 
     def _flow(self, t: float, x: MechanicalState, velocity: Array, state: Array) -> tuple[Array, TankFlow, Array]:
         """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
         torque: Array = sum((action.torque(t, x) for action in self.paid), np.zeros(x.system.n))
-        damped = self.damping_force(x, velocity)
+        damped = self.damping_force(t, x, velocity)
         power = float(torque.dot(velocity))
         if not math.isfinite(power):
             raise NonFiniteTorqueError(self.name, t, action=torque, power=power, velocity=velocity)

@@ -271,8 +271,8 @@ class Greedy(TankedLaw, ForceFeedback):
 
     name = "greedy"
 
-    def joint_damping(self, x):
-        return 1.5 * super().joint_damping(x)
+    def joint_damping(self, t, x):
+        return 1.5 * super().joint_damping(t, x)
 
 
 @pytest.mark.parametrize("wrong", [Unpaid, Greedy])
