@@ -36,7 +36,7 @@ def _goal(name: str, value: Any, system: MechanicalSystem) -> Pose:
 
 
 class CartesianImpedance(CartesianLaw):
-    """Hold the hand at a pose, as compliant as is wished: spring and damper between frame and goal.
+    """Hold the hand at a pose, as compliant as is desired: spring and damper between frame and goal.
 
         u = G⁻¹(∂V/∂q − 𝒥ᵀF − Δq̇),   F = (K_t e, R vee(G R_e − R_eᵀG)) − F_d
         e = r − r_d,  R_e = R_dᵀR,  G = ½tr(K_r)1 − K_r,   Δ = 𝒥ᵀD_x𝒥 + d_n(M − 𝒥ᵀΛ𝒥)
@@ -151,10 +151,10 @@ class CartesianImpedance(CartesianLaw):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains of the base, and the pose of the hand at the goal."""
-        made = super().default_gains(system, goal, given=given, **wish)
+        made = super().default_gains(system, goal, given=given, **desired)
         reference = given.get("reference")
         is_point = isinstance(goal, Pose) and bool(np.isnan(goal.rotation).any())
         if is_point or (isinstance(reference, FramePath) and reference.at(0.0).rotation is None):

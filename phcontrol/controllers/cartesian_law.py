@@ -329,9 +329,9 @@ class CartesianLaw(TankedLaw, DampedLaw):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
-        """Return a stiffness with the hand at ``BANDWIDTH`` (or the one wished for), and what a posture needs.
+        """Return a stiffness with the hand at ``BANDWIDTH`` (or the desired one), and what a posture needs.
 
         Of the hand's inertia at the goal the harmonic mean over the directions is taken: heavy ones, near
         singularities, do not count for more. K_r is at least what K_t is on a lever of 0.15 m.
@@ -341,14 +341,14 @@ class CartesianLaw(TankedLaw, DampedLaw):
         moving = _moving_joints(system, frame)
         x = system.at(posture)
         mobility = x.task_space(frame).mobility
-        square = (wish.get("bandwidth") or BANDWIDTH) ** 2
+        square = (desired.get("bandwidth") or BANDWIDTH) ** 2
         linear = square * 3.0 / float(np.trace(mobility[:3, :3]))
         made: dict[str, Any] = {"translational_stiffness": linear, "preferred_posture": posture}
         if moving >= 6:
             lightest = 3.0 / max(float(np.trace(mobility[3:, 3:])), 1e-12)
             made["rotational_stiffness"] = max(square * lightest, _LEVER**2 * linear)
-        if wish.get("damping_ratio") is not None:
-            made["damping_ratio"] = wish["damping_ratio"]
+        if desired.get("damping_ratio") is not None:
+            made["damping_ratio"] = desired["damping_ratio"]
         if given.get("posture") is not None:
             made["posture_stiffness"] = Tuning(system, posture, posture).stiffness
         return {name: value for name, value in made.items() if name not in given}

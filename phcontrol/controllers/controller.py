@@ -411,13 +411,13 @@ class Controller(Declared, ABC):
         return system.robot.home if goal is None else vector("goal", goal, system.n)
 
     @classmethod
-    def tuning(cls, system: MechanicalSystem, goal: Array, **wish: float | None) -> Tuning:
-        """Return what the default gains are made from, with the arm's inertia at the goal; ``wish`` as there."""
-        return Tuning(system, goal, goal, **wish)
+    def tuning(cls, system: MechanicalSystem, goal: Array, **desired: float | None) -> Tuning:
+        """Return what the default gains are made from, with the arm's inertia at the goal; ``desired`` as there."""
+        return Tuning(system, goal, goal, **desired)
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia (:class:`Tuning`).
 
@@ -425,9 +425,9 @@ class Controller(Declared, ABC):
             system: the model of the arm.
             goal: as ``check_goal`` returns it.
             given: arguments that are chosen otherwise, by name.
-            wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
+            desired: ``bandwidth`` [rad/s] and ``damping_ratio``.
         """
-        tuning = cls.tuning(system, goal, **wish)
+        tuning = cls.tuning(system, goal, **desired)
         made = {
             name: parameter.tuned(tuning)
             for name, parameter in cls.parameters.items()
@@ -456,8 +456,8 @@ class Controller(Declared, ABC):
         Args:
             system: the model of the arm.
             goal: for most laws a posture [rad].
-            bandwidth: ω wished for [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
-            damping_ratio: ζ wished for, likewise.
+            bandwidth: the desired ω [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
+            damping_ratio: the desired ζ, likewise.
             options: arguments of the constructor.
         """
         check_system(system)

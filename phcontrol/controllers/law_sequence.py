@@ -87,7 +87,7 @@ class LawSequence(Controller):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Refuse: a sequence has laws, not gains."""
         raise InvalidArgumentError(cls.__name__, f"make it of laws: {cls.__name__}([(0.0, law), (10.0, other_law)])")

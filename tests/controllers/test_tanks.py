@@ -323,18 +323,18 @@ def test_a_law_without_actions_has_no_tank(shoulder):
 def _held(mode):
     system = arm("panda")
     start = system.robot.near_home()
-    wished = start + np.array([0.3, -0.2, 0.4, 0.3, -0.3, 0.3, 0.4])
+    desired = start + np.array([0.3, -0.2, 0.4, 0.3, -0.3, 0.3, 0.4])
     placement = system.at(start).placement(system.hand_frame)
     goal = Pose(np.array(placement.translation), np.array(placement.rotation))
     law = CartesianImpedance(
         system, goal=goal, translational_stiffness=[600.0, 600.0, 200.0], rotational_stiffness=30.0, posture=mode,
-        preferred_posture=wished, posture_stiffness=10.0,
+        preferred_posture=desired, posture_stiffness=10.0,
     )  # fmt: skip
     log = simulate(system, law, q0=start, duration=15.0, dt=2e-3)
     hand = system.at(log.position[-1]).placement(system.hand_frame)
     distance = np.linalg.norm(hand.translation - goal.translation)
     angle = np.arccos(min(1.0, 0.5 * (np.trace(goal.rotation.T @ hand.rotation) - 1.0)))
-    return law, log, distance, angle, np.linalg.norm(log.position[-1] - wished), np.linalg.norm(start - wished)
+    return law, log, distance, angle, np.linalg.norm(log.position[-1] - desired), np.linalg.norm(start - desired)
 
 
 @pytest.mark.study
