@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from phcontrol import _validation
 from phcontrol._lazy import lazy
@@ -39,7 +38,6 @@ BANDWIDTH = 10.0
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
 _SLIDES = 40  # towards the preferred posture
 _STILL = 1e-9  # entries of a Jacobian that count as zero [m, rad]
-_FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
 def _frame(name: str, value: Any, system: MechanicalSystem) -> str:
@@ -277,11 +275,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if self._rows == 6:
             root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(turning)
         mobility = x.task_space(self.frame, self._rows).mobility
-        squares, modes, _ = lapack.dsyev(root.T.dot(mobility).dot(root))
-        scale = np.sqrt(2.0 * self.damping_ratio) / np.maximum(squares, _FREE * squares[-1]) ** 0.25
-        factor: Array = root.dot(modes)
-        factor *= scale
-        return factor
+        return kernels.damping_root(root, mobility, self.damping_ratio)
 
     def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array]:
         """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any."""
@@ -308,7 +302,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
 
     def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return v_e, shape (n,) [rad/s]."""
-        return self.aim(t, x).velocity
+        return x.velocity if self.reference is None else self.aim(t, x).velocity
 
     def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""

@@ -159,7 +159,7 @@ class TankedLaw(Controller):
         torque, flow, _ = self._flow(t, x, self.port_velocity(t, x, state[:-1], measured), state)
         rate = np.empty(len(state))
         rate[:-1], rate[-1] = law.state_rate, flow.rate
-        return law._replace(effort=law.effort + flow.opening * torque, state_rate=rate)
+        return Shaping(law.effort + flow.opening * torque, *law[1:-1], rate)
 
     def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return v̂ = T⁻ᵀp̂ of the law without its tank, shape (n,) [rad/s]."""
@@ -216,7 +216,9 @@ class TankedLaw(Controller):
 
     def _flow(self, t: float, x: MechanicalState, velocity: Array, state: Array) -> tuple[Array, TankFlow, Array]:
         """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
-        torque: Array = sum((action.torque(t, x) for action in self.paid), np.zeros(x.system.n))
+        torque = np.zeros(x.system.n)
+        for action in self.paid:
+            torque += action.torque(t, x)
         damped = self.damping_force(t, x, velocity)
         power = float(torque.dot(velocity))
         if not math.isfinite(power):

@@ -49,7 +49,12 @@ class TaskSpace:
     @lazy
     def damped(self) -> tuple[float, Array] | None:
         """What ``SingularDamping.at`` says of 𝒥𝒥ᵀ: None away from singularities."""
-        return frame_damping(len(self.square)).at(self.square)
+        return None if self._is_clear else frame_damping(len(self.square)).at(self.square)
+
+    @lazy
+    def _is_clear(self) -> bool:
+        """Whether a cheap bound says that singularities are further than twice the region where 𝒥# is damped."""
+        return frame_damping(len(self.square)).is_surely_beyond(self.square, 2.0 * SINGULAR_REGION)
 
     @lazy
     def _regular_mobility(self) -> Array:
@@ -89,9 +94,7 @@ class TaskSpace:
     @property
     def clearance(self) -> float:
         """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        if frame_damping(len(self.square)).is_surely_beyond(self.square, 2.0 * SINGULAR_REGION):
-            return 1.0
-        return smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
+        return 1.0 if self._is_clear else smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:

@@ -141,11 +141,11 @@ class EnergyTank:
             part: of ``largest_power`` that it may use.
         """
         level = self.level(state)
-        opening = self._opening(level, power, part * self.largest_power)
+        opening = _capped(self._valve(level), power, part * self.largest_power)
         if power >= 0.0 or opening == 0.0:
             return Payment(opening, opening)
         returned = -opening * power
-        kept = self._kept(level, returned, part * self.largest_power) / returned
+        kept = (1.0 - self._fullness(level)) * min(returned, part * self.largest_power) / returned
         return Payment(opening, opening * min(1.0, kept))
 
     def spare(self, state: float, power: float, spent: float) -> float:
@@ -156,21 +156,16 @@ class EnergyTank:
             power: that is asked for [W]; 0 is given where it is negative.
             spent: −x_t ẋ_t [W].
         """
-        most = self._opening(self.level(state), 0.0, self.largest_power) * self.largest_power
+        most = self._valve(self.level(state)) * self.largest_power
         return max(0.0, min(power, most - max(0.0, spent)))
 
-    def _opening(self, level: float, power: float, largest: float) -> float:
-        """Return ω: closed at the lower bound, and such that no more than the largest power flows out."""
-        opening = smooth((level - self.lowest) / self.ramp)
-        return opening * largest / power if power > largest else opening
+    def _valve(self, level: float) -> float:
+        """Return ω but for the largest power: closed at the lower bound."""
+        return smooth((level - self.lowest) / self.ramp)
 
     def _fullness(self, level: float) -> float:
         """Return 0 to 1, towards the upper bound."""
         return smooth((level - self.highest) / self.ramp + 1.0)
-
-    def _kept(self, level: float, returned: float, largest: float) -> float:
-        """Return what the tank keeps of a power that is given back to it [W]."""
-        return (1.0 - self._fullness(level)) * min(returned, largest)
 
     def flow(self, state: float, power: float, damping_power: float, part: float = 1.0) -> TankFlow:
         """Return what the valves let through.
@@ -184,12 +179,17 @@ class EnergyTank:
         charge = self.charge(state)
         level = 0.5 * charge * charge
         largest = part * self.largest_power
-        leak = 2.0 * self.leak * self._opening(level, 0.0, largest) * level
-        opening = self._opening(level, power, largest)
-        refill = _KEPT * (1.0 - self._fullness(level)) * smooth(level / self.lowest)
+        valve, fullness = self._valve(level), self._fullness(level)
+        leak, opening = 2.0 * self.leak * valve * level, _capped(valve, power, largest)
+        refill = _KEPT * (1.0 - fullness) * smooth(level / self.lowest)
         if refill * damping_power > self.largest_power:
             refill = self.largest_power / damping_power
         returned = max(0.0, -opening * power)
-        lost = leak + returned - self._kept(level, returned, largest)
+        lost = leak + returned - (1.0 - fullness) * min(returned, largest)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
         return TankFlow(opening, refill, lost, charge, rate)
+
+
+def _capped(valve: float, power: float, largest: float) -> float:
+    """Return ω: the valve's, and such that no more than the largest power flows out."""
+    return valve * largest / power if power > largest else valve
