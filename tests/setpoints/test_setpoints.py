@@ -325,7 +325,8 @@ def test_a_goal_out_of_reach_warns_once_and_says_by_how_much(law):
     assert [w.category for w in caught] == [UserWarning] * 3
     message = str(caught[0].message)
     assert f"the goal of '{frame}' is out of reach, by " in message
-    held = CartesianImpedance(system, goal=Pose(far, start.rotation), preferred_posture=home, **gains)
+    with pytest.warns(UserWarning, match="out of reach"):
+        held = CartesianImpedance(system, goal=Pose(far, start.rotation), preferred_posture=home, **gains)
     said = re.search(r"by ([0-9.]+) m and ([0-9.]+) rad", message)
     assert float(said[1]) == pytest.approx(held.out_of_reach.distance, rel=1e-2)
     assert float(said[2]) == pytest.approx(held.out_of_reach.angle, rel=2e-2)
