@@ -38,11 +38,12 @@ from .controllers.reduction_servo import ReductionServo
 from .controllers.registry import CONTROLLERS, make_controller, register
 from .controllers.schedule import Schedule
 from .controllers.shaping import Shaping
-from .controllers.tanked_law import TankedLaw, with_tank
+from .controllers.tanked_law import TankedLaw
 from .controllers.target import Target
 from .controllers.total_force_rejection import TotalForceRejection
 from .controllers.trajectory_tracking import TrajectoryTracking
 from .controllers.virtual_position import VirtualPosition, virtual_position
+from .controllers.with_tank import with_tank
 from .environments.body import Body
 from .environments.compliant_body import CompliantBody
 from .environments.contact_geometry import JointContact, SphereContact

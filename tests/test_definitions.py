@@ -49,7 +49,8 @@ DEMANDED = {
     "controllers.law_sequence": {"LawSequence": {"acting"}},
     "controllers.joint_damped_law": {"JointDampedLaw": {"shaped", "storage", "target"}},
     "controllers.position_law": {"PositionLaw": {"storage", "target"}},
-    "controllers.regulated_law": {"RegulatedLaw": {"storage", "target"}},
+    "controllers.regulated_law": {"RegulatedLaw": {"spring_force", "storage", "target"}},
+    "controllers.tanked_regulation": {"TankedRegulation": {"spring_force"}},
     "controllers.shaped_law": {"ShapedLaw": {"shaped", "storage", "target"}},
     "controllers.visual_servo": {"VisualServo": {"servo_motion", "servo_velocity"}},
     "potentials.potential": {

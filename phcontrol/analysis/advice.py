@@ -25,7 +25,7 @@ ADVICE: dict[str, str] = {
     "least dissipation in motion [1/s]": "a motion is not damped at all: R_d has no damping in its direction",
     "depth of H_d below its rest": "H_d is lower elsewhere than where the law rests: it is no minimum",
     "energy of the law's initial state": "initial_state() stores energy: there H_d is not at its minimum",
-    "drive that is not declared": "the target has a drive: name it in driven_by",
+    "drive that is not declared": "the target has a drive that brings energy in: name it in driven_by",
     "drive in rows of a momentum": "a drive enters as a torque; it may enter other rows only",
     "drive that is declared": "driven_by names a drive, but the target has none",
     "drive that depends on the state": "a drive's signal must come from outside: time and measurements alone",

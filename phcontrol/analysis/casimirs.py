@@ -63,7 +63,8 @@ def casimirs(controller: Controller, system: MechanicalSystem, *, samples: int =
     without a certificate on this system.
     """
     count("samples", samples)
-    if controller.driven_by or "features" in controller.needs or len(controller.phases) > 1:
+    driven = controller.driven_by or ("external_force" in controller.needs and _has_drive(controller, system))
+    if driven or "features" in controller.needs or len(controller.phases) > 1:
         raise InvalidArgumentError("controller", f"{controller.name} is not a port-Hamiltonian loop with f_e alone")
     require_certificate(controller, system, "what is said of its Casimirs", rest=False)
     generator, n = np.random.default_rng(seed), system.n
@@ -95,6 +96,11 @@ def casimirs(controller: Controller, system: MechanicalSystem, *, samples: int =
 def _seen(controller: Controller, system: MechanicalSystem, y: Array) -> Seen:
     n = system.n
     return Seen.of(controller, system, SampledState(0.0, y[:n], y[n : 2 * n], y[2 * n :], np.zeros(n), None, ""))
+
+
+def _has_drive(controller: Controller, system: MechanicalSystem) -> bool:
+    nothing = np.zeros(2 * system.n + controller.state_size)
+    return bool(_seen(controller, system, nothing).promise().signal.size)
 
 
 def _gradients(controller: Controller, system: MechanicalSystem, y: Array) -> Array:

@@ -244,13 +244,14 @@ class _Examination:
         return seen.elsewhere(state=self._law.initial_state(seen.view)).stored() - seen.stored()
 
     def _drive(self, states: list[SampledState], figures: list[StateFigures]) -> Iterator[Check]:
-        drive = _largest(states, [each.drive for each in figures])
-        if not self._law.driven_by:
-            if drive.value > 0.0:
-                yield Check.at_most("drive that is not declared", drive.value, 0.0, drive.where)
+        if not (self._law.driven_by or any(each.has_drive for each in figures)):
             return
         moved = _largest(states, [each.moves_momentum for each in figures])
         yield Check.at_most("drive in rows of a momentum", moved.value, 0.0, moved.where)
+        if not self._law.driven_by:  # one that brings nothing in is like J_d, and what it takes is lost as by R_d
+            brought = worst_power(states, figures, [each.drive_power for each in figures])
+            yield Check.at_most("drive that is not declared", brought.value, STRUCTURE_TOLERANCE, brought.where)
+            return
         declared = sum(each.has_drive for each in figures)
         yield Check.more_than("states with the drive that is declared", declared, 0.0)
         dependent = change_of_drive(self._law, self._plant, states)

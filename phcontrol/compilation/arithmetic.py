@@ -248,7 +248,10 @@ def _kernels() -> dict[str, Any]:
              "feedback")  # fmt: skip
     found = {name: _either(getattr(kernels, name), getattr(linear_algebra, name)) for name in names}
     plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
-    return found | {"finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size)}
+    return found | {
+        "finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size),
+        "damping_root": _refusing(kernels, "damping_root"),
+    }
 
 
 def _either(plain: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:

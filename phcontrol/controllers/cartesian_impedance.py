@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,22 +15,15 @@ from phcontrol._lazy import lazy
 from phcontrol._validation import Array, finite_array, vector
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.parameters import Parameter
+from phcontrol.controllers.shaped_law import out_of_reach
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose, check_pose
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.potentials.frame_potential import Deviation
 from phcontrol.trajectories.frame_path import FramePath
 
 _AT_GOAL = 1e-6  # how near counts as there [m, rad]
 _STARTS = 8  # postures from which a goal that is not found is looked for again
-
-
-class Deviation(NamedTuple):
-    """How far the hand is from its goal."""
-
-    distance: float
-    """[m]; across a free direction."""
-    angle: float
-    """[rad]; 0 where the orientation is free."""
 
 
 def _goal(name: str, value: Any, system: MechanicalSystem) -> Pose:
@@ -43,7 +36,7 @@ def _goal(name: str, value: Any, system: MechanicalSystem) -> Pose:
 
 
 class CartesianImpedance(CartesianLaw):
-    """Hold the hand at a pose, as compliant as is wished: spring and damper between frame and goal.
+    """Hold the hand at a pose, as compliant as is desired: spring and damper between frame and goal.
 
         u = G⁻¹(∂V/∂q − 𝒥ᵀF − Δq̇),   F = (K_t e, R vee(G R_e − R_eᵀG)) − F_d
         e = r − r_d,  R_e = R_dᵀR,  G = ½tr(K_r)1 − K_r,   Δ = 𝒥ᵀD_x𝒥 + d_n(M − 𝒥ᵀΛ𝒥)
@@ -93,12 +86,7 @@ class CartesianImpedance(CartesianLaw):
             self.goal = Pose(self.goal.translation, np.eye(3))
         super().prepare()
         if self.goal is not None and sum(self._nearest[0]) > _AT_GOAL:
-            distance, angle = self._nearest[0]
-            off = f"{distance:.3g} m" + (f" and {angle:.3g} rad" if self._rows == 6 else "")
-            message = (
-                f"the goal of '{self.frame}' is out of reach, by {off}: the hand goes as near as its spring lets it"
-            )
-            warnings.warn(message, stacklevel=4)
+            warnings.warn(out_of_reach(self.frame, self._nearest[0]), stacklevel=4)
 
     def pose_at(self, t: float) -> Pose:
         """Return the goal, or the pose on the path at time t [s]."""
@@ -133,10 +121,7 @@ class CartesianImpedance(CartesianLaw):
         return found
 
     def _deviation(self, posture: Array) -> Deviation:
-        goal, hand = self.pose_at(0.0), self.system.at(posture).placement(self.frame)
-        distance = float(np.linalg.norm(self._across @ (hand.translation - goal.translation)))
-        angle = float(np.linalg.norm(pin.log3(goal.rotation.T @ hand.rotation))) if self._rows == 6 else 0.0
-        return Deviation(distance, angle)
+        return self.hand_spring.deviation(self.system.at(posture), self.pose_at(0.0))
 
     @property
     def caveat(self) -> str:
@@ -166,10 +151,10 @@ class CartesianImpedance(CartesianLaw):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains of the base, and the pose of the hand at the goal."""
-        made = super().default_gains(system, goal, given=given, **wish)
+        made = super().default_gains(system, goal, given=given, **desired)
         reference = given.get("reference")
         is_point = isinstance(goal, Pose) and bool(np.isnan(goal.rotation).any())
         if is_point or (isinstance(reference, FramePath) and reference.at(0.0).rotation is None):

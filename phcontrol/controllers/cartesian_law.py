@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from phcontrol import _validation
 from phcontrol._lazy import lazy
@@ -20,12 +19,14 @@ from phcontrol.controllers.shaped_law import pose_of
 from phcontrol.controllers.tanked_law import TankedLaw
 from phcontrol.controllers.tuning import Tuning
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.frame_potential import FramePotential, skew
 from phcontrol.potentials.joint_spring import JointSpring
 from phcontrol.potentials.potential import Potential
+from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.tanks.action import Action
 from phcontrol.tanks.posture_action import PostureAction
 from phcontrol.tanks.stiffness import Stiffness
@@ -37,7 +38,6 @@ BANDWIDTH = 10.0
 _LEVER = 0.15  # by which a default rotational stiffness is at least the translational one's [m]
 _SLIDES = 40  # towards the preferred posture
 _STILL = 1e-9  # entries of a Jacobian that count as zero [m, rad]
-_FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 
 
 def _frame(name: str, value: Any, system: MechanicalSystem) -> str:
@@ -100,7 +100,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         preferred_posture: q_r, the posture that is held, and from which the arm's way to the goal is looked for [rad].
         posture_stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
         variation: K(t), a :class:`Stiffness`, in the axes of K_t and K_r: what it differs from them by is paid for by
-            the tank. D_x stays that of K_t and K_r, so that ζ is what is wished for at those: at K(t) = 9K it is ζ/3.
+            the tank. D_x is that of K(t), so that ζ is the ratio at every moment, as far as the tank lets K(t) act.
     """
 
     frame: Parameter[str | None, str] = Parameter(default=None, check=_frame)
@@ -161,6 +161,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if self.variation is not None and self.variation.rotational(0.0) is not None and not turns:
             raise InvalidArgumentError("variation", "changes a rotational stiffness, and the law has none")
         turn = self.pose_at(0.0).rotation
+        self._axes = np.eye(3) if self.axes == "world" else turn
         self._linear = self.translational_stiffness if self.axes == "world" else self._in_goal_axes(turn)
         self._across = np.eye(3)
         if self.free_direction is not None:
@@ -205,6 +206,11 @@ class CartesianLaw(TankedLaw, DampedLaw):
         return FramePotential(self.frame, goal, stiffness=self._held, force=force, turning=turning)
 
     @property
+    def leading_spring(self) -> FramePotential:
+        """The spring on the hand, without the wrench."""
+        return self.spring(None)
+
+    @property
     def start_posture(self) -> Array:
         """The preferred posture, or one near home [rad]."""
         return self.system.robot.near_home() if self.preferred_posture is None else self.preferred_posture
@@ -243,45 +249,65 @@ class CartesianLaw(TankedLaw, DampedLaw):
             actions.append(PostureAction(self.system, self.frame, *held, rows=self._rows))
         if self.variation is not None:
             K_r = np.zeros((3, 3)) if self.rotational_stiffness is None else self.rotational_stiffness
-            across = self._across if self.axes == "world" else self._across @ self.pose_at(0.0).rotation
+            across = self._across @ self._axes
             actions.append(StiffnessAction(self.frame, self.pose_at, self.variation, across, (self._held, K_r)))
         return tuple(actions)
 
-    def task_damping_matrix(self, x: MechanicalState) -> Array:
+    def task_damping_matrix(self, t: float, x: MechanicalState) -> Array:
         """Return D_x at a state, shape (6, 6), or (3, 3) with a free orientation [N·s/m, N·m·s/rad]."""
-        factor = self._damping_factor(x)
+        factor = self._damping_factor(t, x)
         damping: Array = factor.dot(factor.T)
         return damping
 
-    def _damping_factor(self, x: MechanicalState) -> Array:
+    def _damping_factor(self, t: float, x: MechanicalState) -> Array:
         """Return X with D_x = X Xᵀ: (2ζ)^½ L U S^(−¼)."""
         if self._given_factor is not None:
             return self._given_factor
-        root: Array = np.zeros((self._rows, self._rows))
-        root[:3, :3] = self._roots[0]
-        if self._rows == 6:
-            root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(self._roots[1])
-        mobility = x.task_space(self.frame, self._rows).mobility
-        squares, modes, _ = lapack.dsyev(root.T.dot(mobility).dot(root))
-        scale = np.sqrt(2.0 * self.damping_ratio) / np.maximum(squares, _FREE * squares[-1]) ** 0.25
-        factor: Array = root.dot(modes)
-        factor *= scale
-        return factor
+        known: tuple[float, Array] | None = x.kept.get(self)
+        if known is None or (self.variation is not None and known[0] != t):
+            known = x.kept[self] = t, self._designed_factor(t, x)
+        return known[1]
 
-    def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
+    def _designed_factor(self, t: float, x: MechanicalState) -> Array:
+        linear, turning = self._roots if self.variation is None else self._roots_at(t, self.variation)
+        root: Array = np.zeros((self._rows, self._rows))
+        root[:3, :3] = linear
+        if self._rows == 6:
+            root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(turning)
+        mobility = x.task_space(self.frame, self._rows).mobility
+        return kernels.damping_root(root, mobility, self.damping_ratio)
+
+    def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array]:
+        """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any."""
+        linear, turning = variation.translational(t), variation.rotational(t)
+        axes = self._axes
+        return (
+            self._roots[0] if linear is None else kernels.factor(axes @ linear @ axes.T),
+            self._roots[1] if turning is None else kernels.factor(turning),
+        )
+
+    def damping_force(self, t: float, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
-        task, factor = x.task_space(self.frame, self._rows), self._damping_factor(x)
+        known = x.kept.get((self, "damping"))
+        if known is not None and known[1] is velocity and (self.variation is None or known[0] == t):
+            return known[2]  # type: ignore[no-any-return]
+        task, factor = x.task_space(self.frame, self._rows), self._damping_factor(t, x)
         twist = task.jacobian.dot(velocity)
         wrench = factor.dot(twist.dot(factor))
         wrench -= self.nullspace_damping * task.solve_mobility(twist)
         force: Array = wrench.dot(task.jacobian)
         force += self.nullspace_damping * x.mass_matrix.dot(velocity)
+        x.kept[self, "damping"] = t, velocity, force
         return force
 
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return v_e, shape (n,) [rad/s]."""
+        return x.velocity if self.reference is None else self.aim(t, x).velocity
+
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return Δ = 𝒥ᵀD_x𝒥 + d_n T P Tᵀ, shape (n, n) [N·m·s/rad]."""
         task = x.task_space(self.frame, self._rows)
-        lever = task.jacobian.T @ self._damping_factor(x)
+        lever = task.jacobian.T @ self._damping_factor(t, x)
         damping: Array = lever @ lever.T
         damping += self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
         return damping
@@ -290,16 +316,16 @@ class CartesianLaw(TankedLaw, DampedLaw):
         """Return the wrench that the law's spring and damper exert by the hand, shape (6,), world axes [N, N·m]."""
         twist = x.task_space(self.frame, self._rows).jacobian.dot(self.aim(t, x).velocity)
         total: Array = -self.hand_spring.wrench(x.frame_kinematics(self.frame), self.pose_at(t))
-        total[: self._rows] -= self.task_damping_matrix(x).dot(twist)
+        total[: self._rows] -= self.task_damping_matrix(t, x).dot(twist)
         return total
 
     # --- gains that suit an arm -------------------------------------------------------------------------
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Any, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
-        """Return a stiffness with the hand at ``BANDWIDTH`` (or the one wished for), and what a posture needs.
+        """Return a stiffness with the hand at ``BANDWIDTH`` (or the desired one), and what a posture needs.
 
         Of the hand's inertia at the goal the harmonic mean over the directions is taken: heavy ones, near
         singularities, do not count for more. K_r is at least what K_t is on a lever of 0.15 m.
@@ -309,14 +335,14 @@ class CartesianLaw(TankedLaw, DampedLaw):
         moving = _moving_joints(system, frame)
         x = system.at(posture)
         mobility = x.task_space(frame).mobility
-        square = (wish.get("bandwidth") or BANDWIDTH) ** 2
+        square = (desired.get("bandwidth") or BANDWIDTH) ** 2
         linear = square * 3.0 / float(np.trace(mobility[:3, :3]))
         made: dict[str, Any] = {"translational_stiffness": linear, "preferred_posture": posture}
         if moving >= 6:
             lightest = 3.0 / max(float(np.trace(mobility[3:, 3:])), 1e-12)
             made["rotational_stiffness"] = max(square * lightest, _LEVER**2 * linear)
-        if wish.get("damping_ratio") is not None:
-            made["damping_ratio"] = wish["damping_ratio"]
+        if desired.get("damping_ratio") is not None:
+            made["damping_ratio"] = desired["damping_ratio"]
         if given.get("posture") is not None:
             made["posture_stiffness"] = Tuning(system, posture, posture).stiffness
         return {name: value for name, value in made.items() if name not in given}

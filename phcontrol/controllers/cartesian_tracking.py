@@ -57,14 +57,14 @@ class CartesianTracking(CartesianLaw):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains of the base, and a figure of eight about where the hand is at the goal."""
         path = given.get("path")
         if path is not None:
             _path("path", path, system)
         known = dict(given) if path is None else {"frame": path.frame} | dict(given)
-        made = super().default_gains(system, goal, given=known, **wish)
+        made = super().default_gains(system, goal, given=known, **desired)
         if path is not None:
             if path.at(0.0).rotation is None and "rotational_stiffness" not in given:
                 made["rotational_stiffness"] = None

@@ -6,7 +6,7 @@ from phcontrol._validation import Array
 from phcontrol.controllers.parameters import Flag
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.regulated_law import VIRTUAL_POSITION, RegulatedLaw
-from phcontrol.controllers.shaping import EMPTY, Shaping
+from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -47,7 +47,7 @@ class ClassicalImpedance(RegulatedLaw):
         felt = self.compensate_external_force or self.regulation is not None
         return ("external_force",) if felt else ()
 
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return K_d, which acts on the joints themselves."""
         return self.damping
 
@@ -58,12 +58,14 @@ class ClassicalImpedance(RegulatedLaw):
         if x.system.friction is not None:
             effort += x.resistance(aim.velocity)
         force = self._measurement(measured, "external_force") if self.needs else None
-        return Shaping(
-            effort,
-            *aim.shift(),
-            cancelled_force=force if self.compensate_external_force else None,
-            state_rate=EMPTY if self.regulation is None or force is None else self.regulation.rate(force),
-        )
+        law = Shaping(effort, *aim.shift(), cancelled_force=force if self.compensate_external_force else None)
+        if self.regulation is None or force is None:
+            return law
+        return self.with_faster_goal(law._replace(state_rate=0.0 * state), self.regulation.rate(force))
+
+    def spring_force(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return K(q − q_f) [N·m]."""
+        return self.aim_at_virtual_position(t, x, state).gradient
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̄_e|² + Ψ [J]."""

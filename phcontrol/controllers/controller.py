@@ -251,6 +251,12 @@ class Controller(Declared, ABC):
         """
         return state
 
+    def rate_under_limits(
+        self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
+    ) -> Array:
+        """Return the rate of the law's own state where the torque that acts is the law's plus a change [N·m]."""
+        return rate
+
     # --- where and when it rests --------------------------------------------------------------------
 
     @property
@@ -332,7 +338,7 @@ class Controller(Declared, ABC):
         """C, shape (n, n) [N·m·s/rad], of a law whose injected damping is −C ŷ; None of others."""
         return None
 
-    def joint_damping(self, x: MechanicalState) -> Array | None:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array | None:
         """Return what the law injects as a damping of the joints, G C Gᵀ, shape (n, n); None where it has no such form.
 
         Power v̂ᵀG C Gᵀv̂ is what an energy tank is filled from.
@@ -405,13 +411,13 @@ class Controller(Declared, ABC):
         return system.robot.home if goal is None else vector("goal", goal, system.n)
 
     @classmethod
-    def tuning(cls, system: MechanicalSystem, goal: Array, **wish: float | None) -> Tuning:
-        """Return what the default gains are made from, with the arm's inertia at the goal; ``wish`` as there."""
-        return Tuning(system, goal, goal, **wish)
+    def tuning(cls, system: MechanicalSystem, goal: Array, **desired: float | None) -> Tuning:
+        """Return what the default gains are made from, with the arm's inertia at the goal; ``desired`` as there."""
+        return Tuning(system, goal, goal, **desired)
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains that suit a robot, scaled by its inertia (:class:`Tuning`).
 
@@ -419,9 +425,9 @@ class Controller(Declared, ABC):
             system: the model of the arm.
             goal: as ``check_goal`` returns it.
             given: arguments that are chosen otherwise, by name.
-            wish: ``bandwidth`` [rad/s] and ``damping_ratio``.
+            desired: ``bandwidth`` [rad/s] and ``damping_ratio``.
         """
-        tuning = cls.tuning(system, goal, **wish)
+        tuning = cls.tuning(system, goal, **desired)
         made = {
             name: parameter.tuned(tuning)
             for name, parameter in cls.parameters.items()
@@ -450,8 +456,8 @@ class Controller(Declared, ABC):
         Args:
             system: the model of the arm.
             goal: for most laws a posture [rad].
-            bandwidth: ω wished for [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
-            damping_ratio: ζ wished for, likewise.
+            bandwidth: the desired ω [rad/s]: exact at the goal, instead of gains for all postures (:class:`Tuning`).
+            damping_ratio: the desired ζ, likewise.
             options: arguments of the constructor.
         """
         check_system(system)

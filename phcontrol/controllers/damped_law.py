@@ -21,12 +21,12 @@ class DampedLaw(ShapedLaw):
     """
 
     @abstractmethod
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return Δ, shape (n, n) [N·m·s/rad]."""
 
-    def damping_force(self, x: MechanicalState, velocity: Array) -> Array:
+    def damping_force(self, t: float, x: MechanicalState, velocity: Array) -> Array:
         """Return Δ v, shape (n,) [N·m]."""
-        force: Array = self.joint_damping(x).dot(velocity)
+        force: Array = self.joint_damping(t, x).dot(velocity)
         return force
 
     @property
@@ -49,7 +49,7 @@ class DampedLaw(ShapedLaw):
         return Target.of(
             {"error": aim.error, MOMENTUM: (aim.momentum, aim.momentum)},
             lambda: {("error", MOMENTUM): aim.coupling, (MOMENTUM, MOMENTUM): self.structure(t, x)},
-            lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed(self.joint_damping(x))},
+            lambda: {(MOMENTUM, MOMENTUM): x.transformed_damping + x.transformed(self.joint_damping(t, x))},
             lambda: {} if self.cancels_external_force else {MOMENTUM: x.inverse_factor},
             self.drive(t, x, measured),
         )
@@ -58,11 +58,10 @@ class DampedLaw(ShapedLaw):
         """State s = −q̇_ref and the effort −∂Ψ/∂q − Δ v_e."""
         aim = self.aim(t, x)
         known = self._measurement(measured, "external_force") if self.cancels_external_force else None
-        effort = self.damping_force(x, aim.velocity)
-        effort += aim.gradient
+        effort = self.damping_force(t, x, aim.velocity) + aim.gradient
         return Shaping(-effort, *aim.shift(), cancelled_force=known)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return Gᵀv_e, v_eᵀ(D + Δ)v_e, and (D + Δ)v_e."""
         velocity = self.aim(t, x).velocity
-        return PassivePort.of(x, velocity, self.damping_force(x, velocity), velocity)
+        return PassivePort.of(x, velocity, self.damping_force(t, x, velocity), velocity)

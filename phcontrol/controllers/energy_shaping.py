@@ -63,4 +63,4 @@ class EnergyShaping(PositionLaw, DampedLaw):
             position, velocity, acceleration = self._trajectory.at(t)
             leading = x.feedforward(velocity, acceleration)
         error = x.position_error(position)
-        return _feedback(leading, spring.stiffness, error, self.joint_damping(x), x.velocity, velocity)
+        return _feedback(leading, spring.stiffness, error, self.joint_damping(t, x), x.velocity, velocity)

@@ -112,12 +112,19 @@ class ImpedanceGrasping(RegulatedLaw):
         rest_rate = at.force - output - at.rest_force
         injected = at.rest_force - at.force - self.damping.dot(output)
         effort, error_rate = (injected if G is None else G.dot(injected)) - at.force, at.aim.velocity - rest_rate
+        shift = at.aim.shift(at.force, self._stiffness.dot(error_rate))
         if self.regulation is None:
-            shift = at.aim.shift(at.force, self._stiffness.dot(error_rate))
             return Shaping(effort, *shift, cancelled_force=external, state_rate=rest_rate)
-        goal_rate = self.regulation.rate(external)
-        shift = at.aim.shift(at.force, self._stiffness.dot(error_rate - goal_rate))
-        return Shaping(effort, *shift, state_rate=np.concatenate([rest_rate, goal_rate]))
+        law = Shaping(effort, *shift, state_rate=np.concatenate([rest_rate, np.zeros(self.system.n)]))
+        return self.with_faster_goal(law, self.regulation.rate(external))
+
+    def spring_force(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return K_p e [N·m]."""
+        return self._stretched(t, x, state).force
+
+    def with_faster_goal(self, law: Shaping, rate: Array) -> Shaping:
+        """Return what is shaped, with q_f moving faster: s = K_p e changes with it."""
+        return super().with_faster_goal(law, rate)._replace(acceleration=law.acceleration - self._stiffness.dot(rate))
 
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d = ½|p̂|² + ½eᵀK_p e + ½q_rlᵀK_rl q_rl [J]."""

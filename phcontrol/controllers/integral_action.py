@@ -54,11 +54,11 @@ class IntegralAction(PositionLaw, DynamicExtension):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return the gains of force feedback, K_i = 1/s and K_ξ = K_p; of a potential, Γ for the joints' inertia."""
         other = "integral_gain" if "potential" in given else "integral_compliance"
-        return super().default_gains(system, goal, given={**given, other: None}, **wish)
+        return super().default_gains(system, goal, given={**given, other: None}, **desired)
 
     def prepare(self) -> None:
         """Compute Γ, which must make the storage function fall."""

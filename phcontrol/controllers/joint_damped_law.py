@@ -23,7 +23,7 @@ class JointDampedLaw(ShapedLaw):
         G = self.system.constant_input
         self._joint_damping: Array = self.damping if G is None else G @ self.damping @ G.T
 
-    def joint_damping(self, x: MechanicalState) -> Array:
+    def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return G C Gᵀ, shape (n, n) [N·m·s/rad]."""
         if self.system.varying_input is None:
             return self._joint_damping

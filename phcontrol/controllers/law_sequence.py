@@ -90,7 +90,7 @@ class LawSequence(Controller):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Refuse: a sequence has laws, not gains."""
         raise InvalidArgumentError(cls.__name__, f"make it of laws: {cls.__name__}([(0.0, law), (10.0, other_law)])")
@@ -150,6 +150,23 @@ class LawSequence(Controller):
         calm: Array = state.copy()
         calm[places] = law.calmest_state(t - start, x, state[places])
         return calm
+
+    def rate_under_limits(
+        self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
+    ) -> Array:
+        """Return the acting law's; parts of the state that it does not use are held."""
+        law, places, start = self.acting(t, state)
+        counted: Array = rate.copy()
+        counted[places] = law.rate_under_limits(t - start, x, state[places], rate[places], change, measured)
+        return counted
+
+    def tank_level(self, state: Array) -> float | None:
+        """Return the energy in the tank that its laws share [J]; None where none has one."""
+        for law, places in zip(self.laws, self._places, strict=True):
+            level = law.tank_level(state[places])
+            if level is not None:
+                return level
+        return None
 
     def coordinates(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
         """Return the acting law's coordinates."""

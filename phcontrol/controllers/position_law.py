@@ -41,7 +41,7 @@ class PositionLaw(JointDampedLaw):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains that suit a robot; a potential or reference that is given takes the place of goal and spring."""
         taken = dict(given)
@@ -51,7 +51,7 @@ class PositionLaw(JointDampedLaw):
             taken["goal"] = None
             if isinstance(taken["reference"], Trajectory):
                 goal = taken["reference"].at(taken["reference"].duration).position
-        return super().default_gains(system, goal, given=taken, **wish)
+        return super().default_gains(system, goal, given=taken, **desired)
 
     def prepare(self) -> None:
         """See whether Ψ is a spring on the joints: a goal that can move, a rest length, a faster formula."""

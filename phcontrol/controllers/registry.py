@@ -70,7 +70,7 @@ CONTROLLERS: dict[str, Entry] = {
     ),
     "force_control": Entry(
         ForceControl,
-        "brings the force of the environment on the arm to a wished one",
+        "brings the force of the environment on the arm to the desired one",
         "Theorem 4.1.1, errata E14 and E23",
         "q, q̇, external force",
     ),
@@ -100,7 +100,7 @@ CONTROLLERS: dict[str, Entry] = {
     ),
     "cartesian_impedance": Entry(
         CartesianImpedance,
-        "holds the hand at a pose by a spring and a damper of wished stiffness, through singular postures too",
+        "holds the hand at a pose by a spring and a damper of desired stiffness, through singular postures too",
         "docs/cartesian-impedance.md: the law and its proof",
         minimum_joints=6,
     ),

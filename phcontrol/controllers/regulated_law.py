@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from phcontrol.controllers.aim import Aim, LedAim
 from phcontrol.controllers.force_regulation import ForceRegulation
 from phcontrol.controllers.parameters import Parameter
 from phcontrol.controllers.position_law import PositionLaw
+from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import DrivenParts
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
@@ -32,7 +34,8 @@ def _regulation(name: str, value: object, system: MechanicalSystem) -> ForceRegu
 class RegulatedLaw(PositionLaw):
     """Laws about a virtual position q_f, which with ``regulation`` moves until the contact force is the desired one.
 
-    How far q_f has moved is a state of the law, promised as what it is: driven by f_e − f_d.
+    How far q_f has moved is a state of the law, promised as what it is: driven by f_e − f_d. That may put energy in;
+    ``with_tank`` makes a law of it whose energy tank pays.
 
     Args:
         regulation: the outer integrator, or None.
@@ -54,7 +57,7 @@ class RegulatedLaw(PositionLaw):
     @property
     def caveat(self) -> str:
         """Say that regulation puts energy in."""
-        return "" if self.regulation is None else "the moving virtual position supplies energy; it is an outer loop"
+        return "" if self.regulation is None else "the moving virtual position supplies energy (with_tank: not)"
 
     @property
     def driven_by(self) -> str:
@@ -71,7 +74,23 @@ class RegulatedLaw(PositionLaw):
     def desired_posture(self, t: float, state: Array) -> Array | None:
         """Return q_f, as far as it has moved [rad]."""
         posture = super().desired_posture(t, state)
-        return posture if posture is None or self.regulation is None else posture + state[-self.system.n :]
+        return posture if posture is None or self.regulation is None else posture + state[self._moved]
+
+    @property
+    def _moved(self) -> slice:
+        """Where in the law's own state is how far q_f has moved."""
+        start = self.system.n * self.states.index(VIRTUAL_POSITION)
+        return slice(start, start + self.system.n)
+
+    @abstractmethod
+    def spring_force(self, t: float, x: MechanicalState, state: Array) -> Array:
+        """Return what H_d falls by as q_f moves, ∂H_d/∂(error), shape (n,) [N·m]."""
+
+    def with_faster_goal(self, law: Shaping, rate: Array) -> Shaping:
+        """Return what is shaped, with q_f moving faster by a rate, shape (n,) [rad/s]."""
+        rates = law.state_rate.copy()
+        rates[self._moved] += rate
+        return law._replace(state_rate=rates)
 
     def rest_force(self, x: MechanicalState) -> Array | None:
         """Return f_d, with regulation."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import abstractmethod
 from typing import Any
 
@@ -18,13 +19,16 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.potentials.frame_potential import skew
-from phcontrol.potentials.potential import Potential
+from phcontrol.potentials.frame_potential import Deviation, FramePotential, skew
+from phcontrol.potentials.frame_spring import FrameSpring
+from phcontrol.potentials.potential import Potential, Sum
 from phcontrol.sensors.measured import Measured
+from phcontrol.setpoints.live_frame_path import LiveFramePath, Place
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
 from phcontrol.trajectories.resolved_motion import missed_share, resolved_motion
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
+_IN_REACH = 1e-4  # how near counts as there [m, rad]
 _MINIMA = 33  # along a path, from which postures between them are found
 
 AnyReference = Trajectory | FramePath
@@ -41,6 +45,37 @@ def _reference(name: str, value: Any, system: MechanicalSystem) -> AnyReference:
 def pose_of(reference: FrameReference) -> Pose:
     """Return the pose; where the orientation is free, any."""
     return Pose(reference.position, np.eye(3) if reference.rotation is None else reference.rotation)
+
+
+def out_of_reach(frame: str, by: Deviation) -> str:
+    """Return the words for a goal that the hand cannot get to."""
+    return f"the goal of '{frame}' is out of reach, by {by}: the hand goes as near as its spring lets it"
+
+
+class _Reach:
+    """Warns of goals out of reach as they are asked for: of the first, and of one that is twice as far out."""
+
+    def __init__(self, system: MechanicalSystem, spring: FramePotential, start: Array) -> None:
+        self._system, self._spring, self._start = system, spring, start
+        self._found, self._warned = start, 0.0
+
+    def check(self, place: Place) -> None:
+        """Look for the goal from where the last one was found, and from the start."""
+        system, spring = self._system, self._spring
+        goal = Pose(place.position, np.eye(3) if place.rotation is None else place.rotation)
+        found = []
+        for start in (self._found, self._start):
+            posture = spring.minimum_near(system, start, goal)
+            found.append((spring.deviation(system.at(posture), goal), posture))
+            if sum(found[-1][0]) <= _IN_REACH:
+                break
+        by, self._found = min(found, key=lambda each: sum(each[0]))
+        off = sum(by)
+        if off <= _IN_REACH:
+            self._warned = 0.0
+        elif off > 2.0 * self._warned:
+            self._warned = off
+            warnings.warn(out_of_reach(spring.frame, by), stacklevel=5)
 
 
 class ShapedLaw(Controller):
@@ -79,6 +114,18 @@ class ShapedLaw(Controller):
             )
         if self.reference is not None:
             self._check_that_it_is_carried_along()
+        spring = self.leading_spring
+        if isinstance(self._path, LiveFramePath) and spring is not None:
+            self._path.heard_by(_Reach(self.system, spring, self.start_posture).check)
+
+    @property
+    def leading_spring(self) -> FramePotential | None:
+        """The spring on the frame that a path leads; None for none."""
+        terms = self.potential.potentials if isinstance(self.potential, Sum) else (self.potential,)
+        return next((term for term in terms if isinstance(term, FrameSpring) and self._leads(term)), None)
+
+    def _leads(self, spring: FrameSpring) -> bool:
+        return self._path is not None and spring.frame == self._path.frame
 
     def _turns(self, path: FramePath) -> bool:
         """Return whether Ψ asks for an orientation of the path's goal."""

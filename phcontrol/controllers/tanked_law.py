@@ -78,26 +78,34 @@ class TankedLaw(Controller):
         return ()
 
     @property
+    def pays(self) -> bool:
+        """Whether there is something that the tank pays for; without, there is no tank."""
+        return bool(self.paid)
+
+    @property
     def states(self) -> tuple[str, ...]:
-        """Those of the law, and with an action the tank's."""
-        return (*super().states, TANK) if self.paid else super().states
+        """Those of the law, and with something to pay for the tank's."""
+        return (*super().states, TANK) if self.pays else super().states
 
     @property
     def state_parts(self) -> dict[str, int]:
         """The tank's part is one number."""
         parts = super().state_parts
-        return parts | {TANK: 1} if self.paid else parts
+        return parts | {TANK: 1} if self.pays else parts
 
     @property
     def caveat(self) -> str:
         """Say what the tank starts with."""
-        filled = f"its tank starts with {self.tank.initial:g} J, which may reach the arm" if self.paid else ""
-        return "; ".join(filter(None, (super().caveat, filled)))
+        return "; ".join(filter(None, (super().caveat, self._filled)))
+
+    @property
+    def _filled(self) -> str:
+        return f"its tank starts with {self.tank.initial:g} J, which may reach the arm" if self.pays else ""
 
     @property
     def lacks_minimum(self) -> str:
         """Beside what the law lacks: a tank may stay empty."""
-        kept = "an empty tank stays empty: no level of it is the one that it returns to" if self.paid else ""
+        kept = "an empty tank stays empty: no level of it is the one that it returns to" if self.pays else ""
         return "; ".join(filter(None, (super().lacks_minimum, kept)))
 
     @property
@@ -108,50 +116,72 @@ class TankedLaw(Controller):
     @property
     def longest_period(self) -> float:
         """With which an Euler step of x_t keeps the level above the tank's lower bound [s]."""
-        return min(super().longest_period, self.tank.longest_period) if self.paid else super().longest_period
+        return min(super().longest_period, self.tank.longest_period) if self.pays else super().longest_period
 
     def tank_level(self, state: Array) -> float | None:
         """Return the energy in the tank [J]."""
-        return self.tank.level(float(state[-1])) if self.paid else super().tank_level(state)
+        return self.tank.level(float(state[-1])) if self.pays else super().tank_level(state)
 
     def calmest_state(self, t: float, x: MechanicalState, state: Array) -> Array:
         """Return that of the law, and the tank as it is."""
-        if not self.paid:
+        if not self.pays:
             return super().calmest_state(t, x, state)
         return np.append(super().calmest_state(t, x, state[:-1]), state[-1])
 
+    def rate_under_limits(
+        self, t: float, x: MechanicalState, state: Array, rate: Array, change: Array, measured: Measured = NOTHING
+    ) -> Array:
+        """Let the tank pay for what a change of the torque δ puts in beyond what is lost, ŷᵀδ − ∇H_dᵀR_d∇H_d.
+
+        H_d and tank together then grow by what f_e supplies, until the tank is empty or its largest power is reached.
+        """
+        charge = self.tank.charge(float(state[-1])) if self.pays else 0.0
+        if not charge:
+            return super().rate_under_limits(t, x, state, rate, change, measured)
+        port = self.passive_port(t, x, state, measured)
+        excess = float(port.output.dot(change)) - port.dissipated_power
+        counted: Array = rate.copy()
+        counted[-1] -= self.tank.spare(float(state[-1]), excess, -float(rate[-1]) * charge) / charge
+        return counted
+
     def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> float:
         """Return H_d + ½x_t² [J]."""
-        if not self.paid:
+        if not self.pays:
             return super().storage(t, x, state, measured)  # type: ignore[safe-super]  # of the law that comes after
         own = super().storage(t, x, state[:-1], measured)  # type: ignore[safe-super]
         return own + self.tank.level(float(state[-1]))
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """Add ω a to the law's effort, and the tank's rate to its state's."""
-        if not self.paid:
+        if not self.pays:
             return super().shape(t, x, state, measured)
-        law, port = super().shape(t, x, state[:-1], measured), super().passive_port(t, x, state[:-1], measured)
-        torque, flow, _ = self._flow(t, x, port, state)
-        return law._replace(effort=law.effort + flow.opening * torque, state_rate=np.append(law.state_rate, flow.rate))
+        law = super().shape(t, x, state[:-1], measured)
+        torque, flow, _ = self._flow(t, x, self.port_velocity(t, x, state[:-1], measured), state)
+        rate = np.empty(len(state))
+        rate[:-1], rate[-1] = law.state_rate, flow.rate
+        return Shaping(law.effort + flow.opening * torque, *law[1:-1], rate)
+
+    def port_velocity(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Array:
+        """Return v̂ = T⁻ᵀp̂ of the law without its tank, shape (n,) [rad/s]."""
+        return self._velocity(x, super().passive_port(t, x, state, measured))
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
         """Return the law's port, less what the tank keeps of its damping, and with what it loses."""
-        if not self.paid:
+        if not self.pays:
             return super().passive_port(t, x, state, measured)
         port = super().passive_port(t, x, state[:-1], measured)
-        _, flow, damped = self._flow(t, x, port, state)
+        _, flow, damped = self._flow(t, x, self._velocity(x, port), state)
         kept = flow.refill * damped
         power = port.dissipated_power - float(self._velocity(x, port).dot(kept)) + flow.lost
         return PassivePort(port.output, power, port.resistance - kept)
 
     def target(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> Target:
         """Return the law's promise with the tank beside it."""
-        if not self.paid:
+        if not self.pays:
             return super().target(t, x, state, measured)  # type: ignore[safe-super]
         law = super().target(t, x, state[:-1], measured)  # type: ignore[safe-super]
         port = super().passive_port(t, x, state[:-1], measured)
-        torque, flow, damped = self._flow(t, x, port, state)
+        torque, flow, damped = self._flow(t, x, self._velocity(x, port), state)
         size, rows = len(law.coordinates), law.parts[MOMENTUM]
 
         def interconnection() -> Array:
@@ -161,7 +191,7 @@ class TankedLaw(Controller):
             return matrix
 
         def dissipation() -> Array:
-            matrix, damping = _bordered(law.dissipation), self.joint_damping(x)
+            matrix, damping = _bordered(law.dissipation), self.joint_damping(t, x)
             if damping is not None:
                 matrix[rows, rows] -= flow.refill * x.transformed(damping)
             matrix[size, size] = flow.per_charge(flow.per_charge(flow.lost))
@@ -178,52 +208,33 @@ class TankedLaw(Controller):
             dict(law.parts) | {TANK: slice(size, size + 1)},
         )
 
-    def _flow(self, t: float, x: MechanicalState, port: PassivePort, state: Array) -> tuple[Array, TankFlow, Array]:
+    def damping_force(self, t: float, x: MechanicalState, velocity: Array) -> Array:
+        """Return Δ v, shape (n,) [N·m]."""
+        damping = self.joint_damping(t, x)
+        force: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
+        return force
+
+    def _flow(self, t: float, x: MechanicalState, velocity: Array, state: Array) -> tuple[Array, TankFlow, Array]:
         """Return a [N·m], what the valves let through, and Δv̂ [N·m]."""
-        torque: Array = sum((action.torque(t, x) for action in self.paid[1:]), self.paid[0].torque(t, x))
-        velocity, damping = self._velocity(x, port), self.joint_damping(x)
-        damped: Array = np.zeros(x.system.n) if damping is None else damping.dot(velocity)
+        torque = np.zeros(x.system.n)
+        for action in self.paid:
+            torque += action.torque(t, x)
+        damped = self.damping_force(t, x, velocity)
         power = float(torque.dot(velocity))
         if not math.isfinite(power):
             raise NonFiniteTorqueError(self.name, t, action=torque, power=power, velocity=velocity)
-        flow = self.tank.flow(float(state[-1]), power, float(damped.dot(velocity)))
+        flow = self.tank.flow(float(state[-1]), power, float(damped.dot(velocity)), self._part)
         return torque, flow, damped
+
+    @property
+    def _part(self) -> float:
+        """Of the tank's largest power what the actions may use: all."""
+        return 1.0
 
     def _velocity(self, x: MechanicalState, port: PassivePort) -> Array:
         """Return v̂ of ŷ = Gᵀv̂."""
         G = x.gears
         return port.output if G is None else np.linalg.solve(G.T, port.output)
-
-
-def with_tank(law: type[Controller]) -> type[Controller]:
-    """Return a law's class with ``actions`` and a ``tank`` among its arguments.
-
-    Args:
-        law: any law.
-
-    Raises:
-        InvalidArgumentError: no law.
-
-    Example:
-        >>> import numpy as np
-        >>> from phcontrol import ExternalAction, ForceFeedback, MechanicalSystem, load_robot, with_tank
-        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
-        >>> stirred = with_tank(ForceFeedback).tuned(system, actions=ExternalAction(lambda t, x: np.cos(x.position)))
-        >>> stirred.states
-        ('force', 'tank')
-    """
-    if not (isinstance(law, type) and issubclass(law, Controller)):
-        raise InvalidArgumentError("law", f"must be the class of a law, but is {law!r}")
-    if issubclass(law, TankedLaw):
-        return law
-    found = _MADE.get(law)
-    if found is None:
-        members = {"name": f"{law.name}_with_tank", "__doc__": law.__doc__, "__module__": law.__module__}
-        found = _MADE[law] = type(f"{law.__name__}WithTank", (TankedLaw, law), members)
-    return found
-
-
-_MADE: dict[type[Controller], type[Controller]] = {}
 
 
 def _bordered(matrix: Array) -> Array:

@@ -46,7 +46,8 @@ class Target:
         dissipation: R_d, symmetric positive semidefinite; likewise.
         gradient: ∇H_d with respect to x.
         port: how f_e enters, shape (len(x), n); likewise.
-        drive: what else moves x; only of a law that says what it is driven by (``Controller.driven_by``).
+        drive: what else moves x; only of a law that says what it is driven by (``Controller.driven_by``), unless it
+            brings no energy in.
         parts: where in x the parts are, by name. One is the momentum p̂, one each of the law's own states has the
             state's name.
 

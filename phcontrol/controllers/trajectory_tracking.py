@@ -76,10 +76,10 @@ class TrajectoryTracking(EnergyShaping):
 
     @classmethod
     def default_gains(
-        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **wish: Any
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
     ) -> dict[str, Any]:
         """Return gains that suit a robot, and a trajectory from home to the goal."""
-        return super().default_gains(system, goal, given={**given, "goal": None}, **wish)
+        return super().default_gains(system, goal, given={**given, "goal": None}, **desired)
 
     def prepare(self) -> None:
         """Take the trajectory for the reference."""

@@ -34,9 +34,9 @@ class _Seen(NamedTuple):
 
 
 class Tuning:
-    """What default gains are made from: the arm, and a bandwidth ω and damping ratio ζ where they are wished for.
+    """What default gains are made from: the arm, and a bandwidth ω and damping ratio ζ where they are given.
 
-    *With a wish* gains are exact at the goal: K_p = ω²M(q*) and C = 2ζωM(q*), full matrices, put every mode of energy
+    *With these* gains are exact at the goal: K_p = ω²M(q*) and C = 2ζωM(q*), full matrices, put every mode of energy
     shaping at ω and ζ. They are right near the goal: elsewhere M is another, and what M(q*) couples lightly may be
     heavy. Lead longer ways by a ``reference``.
 
@@ -53,8 +53,8 @@ class Tuning:
         system: the model of the arm.
         goal: where the law should rest: a posture [rad], or what else it takes for a goal.
         posture: at which the arm's inertia is taken [rad].
-        bandwidth: the ω that is wished for [rad/s].
-        damping_ratio: the ζ that is wished for.
+        bandwidth: the desired ω [rad/s].
+        damping_ratio: the desired ζ.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Tuning:
         damping_ratio: float | None = None,
     ) -> None:
         self.system, self.goal, self.posture = system, goal, posture
-        self._wished = bandwidth is not None or damping_ratio is not None
+        self._desired = bandwidth is not None or damping_ratio is not None
         self._bandwidth = BANDWIDTH if bandwidth is None else positive("bandwidth", bandwidth)
         self.damping_ratio = DAMPING_RATIO if damping_ratio is None else positive("damping_ratio", damping_ratio)
 
@@ -92,7 +92,7 @@ class Tuning:
 
     @lazy
     def _gains(self) -> tuple[Array, Array]:
-        if self._wished:
+        if self._desired:
             inertia = self.system.at(self.posture).mass_matrix
             return self._bandwidth**2 * inertia, 2.0 * self.damping_ratio * self._bandwidth * inertia
         inertia = _MARGIN * np.mean([seen.inertia for seen in self._everywhere], axis=0)

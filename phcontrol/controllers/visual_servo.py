@@ -99,9 +99,9 @@ class VisualServo(Controller):
         return _features(FEATURE_GOAL if goal is None else goal)
 
     @classmethod
-    def tuning(cls, system: MechanicalSystem, goal: Array, **wish: float | None) -> Tuning:
+    def tuning(cls, system: MechanicalSystem, goal: Array, **desired: float | None) -> Tuning:
         """Return what the default gains are made from; they do not depend on the posture."""
-        return Tuning(system, goal, system.robot.home, **wish)
+        return Tuning(system, goal, system.robot.home, **desired)
 
     @property
     def needs(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ diagonal halved:
     transformed_rate(T, C, s, f)         Ṫᵀs + T⁻¹(f − C s)
     momentum_derivative(T, ∂M/∂q, p̄)     P = ∂(T⁻¹p)/∂q: column k is −Φ(T⁻¹(∂M/∂q_k)T⁻ᵀ)p̄
     feedback(f, K, e, C, v, s)           f − K e − C(v − s)
+    damping_root(L, B, ζ)                X = (2ζ)^½ L U S^(−¼), with LᵀBL = U S Uᵀ, S at least 10⁻¹² of its largest
     finite_copy(v, n)                    a copy of a plain float64 (n,) array of finite numbers; None for anything else
 
 Arrays are float64, (n,), (n, n) or (n, n, n) with any strides; ValueError otherwise. The environment variable
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING
 
 __all__ = [
     "KERNELS",
+    "damping_root",
     "factor",
     "feedback",
     "finite_copy",
@@ -50,6 +52,7 @@ else:
 KERNELS = _chosen.__name__.rpartition("._")[-1]
 """Which kernels are in use: "compiled" or "lapack"."""
 
+damping_root = _chosen.damping_root
 factor = _chosen.factor
 feedback = _chosen.feedback
 finite_copy = _chosen.finite_copy

@@ -40,12 +40,12 @@ class SingularDamping:
         symmetric = 0.5 * (weight + weight.T)
         values, vectors = np.linalg.eigh(symmetric)
         self._root: Array = (vectors / np.sqrt(values)) @ vectors.T  # W^(−½)
-        self._near = 0.25 * self.region**2 * float(values.max())
+        self._largest = float(values.max())
         self._half: Array = (vectors * np.sqrt(values)) @ vectors.T  # W^½
 
     def at(self, square: Array) -> tuple[float, Array] | None:
         """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
-        if not self.level or self._surely_far(square):
+        if not self.level or self.is_surely_beyond(square, self.region):
             return None
         values, vectors, _ = _dsyev(self._root @ square @ self._root)
         depth = 1.0 - max(float(values[0]), 0.0) / self.region**2
@@ -65,17 +65,17 @@ class SingularDamping:
         level, slope = damped
         return square + level * self.weight, square_rate + float(np.vdot(slope, square_rate)) * self.weight
 
-    def _surely_far(self, square: Array) -> bool:
-        """Whether a bound that needs no eigenvalues says that σ > ε: mostly it is enough."""
+    def is_surely_beyond(self, square: Array, distance: float) -> bool:
+        """Whether a bound that needs no eigenvalues says that σ at BBᵀ is more than a distance: mostly it is enough."""
         if len(square) == 3:  # the smallest eigenvalue of a positive definite matrix is at least 4 det / trace²
             (a, b, c), (_, d, e), (_, _, f) = square.tolist()
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
-            return bool(determinant > self._near * (a + d + f) ** 2)
+            return bool(determinant > 0.25 * distance**2 * self._largest * (a + d + f) ** 2)
         try:
             columns = kernels.solve(kernels.factor(square), self._half)
         except ArithmeticError:
             return False
-        return float(np.vdot(columns, columns)) * self.region**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
+        return float(np.vdot(columns, columns)) * distance**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
 
 
 @lru_cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -439,6 +439,11 @@ class MechanicalState:
             found = TaskSpace(jacobian if rows == 6 else jacobian[:rows], self.factor)
             self._task_spaces[frame, rows] = found
         return found
+
+    @lazy
+    def kept(self) -> dict[object, Any]:
+        """What is computed once for this state by others, by whom: a law whose methods need the same."""
+        return {}
 
     @lazy
     def _task_spaces(self) -> dict[tuple[str, int], TaskSpace]:

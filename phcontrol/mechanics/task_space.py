@@ -41,14 +41,29 @@ class TaskSpace:
         return mobility
 
     @lazy
+    def square(self) -> Array:
+        """𝒥𝒥ᵀ, shape (m, m)."""
+        square: Array = self.jacobian.dot(self.jacobian.T)
+        return square
+
+    @lazy
+    def damped(self) -> tuple[float, Array] | None:
+        """What ``SingularDamping.at`` says of 𝒥𝒥ᵀ: None away from singularities."""
+        return None if self._is_clear else frame_damping(len(self.square)).at(self.square)
+
+    @lazy
+    def _is_clear(self) -> bool:
+        """Whether a cheap bound says that singularities are further than twice the region where 𝒥# is damped."""
+        return frame_damping(len(self.square)).is_surely_beyond(self.square, 2.0 * SINGULAR_REGION)
+
+    @lazy
     def _regular_mobility(self) -> Array:
         """B + λ²(tr B / tr 𝒥𝒥ᵀ)W̃ with λ² of :class:`SingularDamping`: B itself away from singularities."""
-        square = self.jacobian.dot(self.jacobian.T)
-        damping = frame_damping(len(square))
-        damped = damping.at(square)
+        damped, square = self.damped, self.square
         if damped is None:
             return self.mobility
-        weight: Array = damped[0] * float(np.trace(self.mobility) / np.trace(square)) * damping.weight
+        weight: Array = frame_damping(len(square)).weight
+        weight = damped[0] * float(np.trace(self.mobility) / np.trace(square)) * weight
         return self.mobility + weight
 
     def without_task(self, momentum: Array) -> Array:
@@ -79,7 +94,7 @@ class TaskSpace:
     @property
     def clearance(self) -> float:
         """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        return smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
+        return 1.0 if self._is_clear else smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:
@@ -89,4 +104,4 @@ class TaskSpace:
     @property
     def singularity_distance(self) -> float:
         """Smallest singular value of 𝒥 with its angular rows times 0.3 m [m/rad]; 0 at a singularity."""
-        return frame_damping(len(self.jacobian)).distance(self.jacobian @ self.jacobian.T)
+        return frame_damping(len(self.square)).distance(self.square)

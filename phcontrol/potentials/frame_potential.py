@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+import pinocchio as pin
 
 from phcontrol._validation import Array, text
 from phcontrol.mechanics.pose import FrameKinematics, Pose
@@ -12,6 +15,18 @@ from phcontrol.potentials.potential import Goal, Potential
 
 WORLD = Pose(np.zeros(3), np.eye(3))
 """The world's own pose."""
+
+
+class Deviation(NamedTuple):
+    """How far a frame is from its goal."""
+
+    distance: float
+    """[m]; across a free direction, and 0 where the position is free."""
+    angle: float
+    """[rad]; 0 where the orientation is free."""
+
+    def __str__(self) -> str:
+        return f"{self.distance:.3g} m" + (f" and {self.angle:.3g} rad" if self.angle else "")
 
 
 class FramePotential(Potential):
@@ -164,6 +179,17 @@ class FramePotential(Potential):
         if self._turning is not None and self._symmetric.any():
             held.append(jacobian[3:])
         return np.concatenate([np.zeros((0, x.system.n)), *held])
+
+    def deviation(self, x: MechanicalState, goal: Goal | None = None) -> Deviation:
+        """Return how far the frame is from the goal, of what is held."""
+        pose, hand = self._pose(goal), x.placement(self.frame)
+        error, angle = np.zeros(3), 0.0
+        if self._stiffness is not None:
+            values, axes = np.linalg.eigh(self._stiffness)
+            error = axes[:, values > 1e-9 * values[-1]].T @ (hand.translation - pose.translation)
+        if self._turning is not None and self._symmetric.any():
+            angle = float(np.linalg.norm(pin.log3(pose.rotation.T @ hand.rotation)))
+        return Deviation(float(np.linalg.norm(error)), angle)
 
     def _pose(self, goal: Goal | None) -> Pose:
         return self.goal if goal is None else goal  # type: ignore[return-value]  # the pose of its frame

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,7 +80,7 @@ class JerkLimitedCourse:
 
     def at(self, t: float) -> Moment:
         """Return where it is at time t [s]."""
-        leg = bisect_right(self._starts, t) - 1
+        leg = bisect_left(self._starts, t) - 1  # where two meet, the one that was there before: it stays what it was
         motion, goal = self._legs[leg] if leg >= 0 else (None, self._origin)
         if motion is None or t - self._starts[leg] >= motion.duration:
             return Moment(leg, np.array(goal), np.zeros(goal.size), np.zeros(goal.size))

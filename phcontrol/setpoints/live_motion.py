@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -31,6 +32,8 @@ class LiveMotion(ABC, Generic[Place]):
         self._origin, self._asked, self._taken = origin, origin, origin
         self._waiting: deque[Place] = deque(maxlen=1)  # appending replaces; both ends are safe from any thread
         self._now = -math.inf
+        self._listener: Callable[[Place], object] | None = None
+        self._unheard = [origin]
 
     @property
     @abstractmethod
@@ -52,12 +55,31 @@ class LiveMotion(ABC, Generic[Place]):
 
         Raises InvalidArgumentError for what is none; then the last goal stays.
         """
-        self.ask(self.checked(goal))
+        place = self.checked(goal)
+        self.ask(place)
+        self.announce(place)
 
     def ask(self, place: Place) -> None:
         """Ask for a goal that ``checked`` returned."""
         self._asked = place
         self._waiting.append(place)
+
+    def announce(self, place: Place) -> None:
+        """Tell the law that follows of a goal that is asked for, now or for later, on the thread that asks."""
+        if self._listener is None:
+            self._unheard.append(place)
+        else:
+            self._listener(place)
+
+    def heard_by(self, listener: Callable[[Place], object]) -> None:
+        """Call a function with each goal that is asked for: at once with those that nobody has heard of yet.
+
+        The last listener alone is told: that of the law that was made last.
+        """
+        self._listener = listener
+        unheard, self._unheard = self._unheard, []
+        for place in unheard:
+            listener(place)
 
     def advance(self, t: float) -> None:
         """Take up what was asked for, from time t on [s]; called before the course is asked for at t.

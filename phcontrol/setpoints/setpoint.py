@@ -84,6 +84,7 @@ class Setpoint:
                 self.parts[name].ask(goal)
             else:
                 heapq.heappush(self._later, (later, next(self._order), name, goal))
+            self.parts[name].announce(goal)
 
     def advance(self, t: float) -> None:
         """Take up what was asked for until time t [s]; called by the loop."""

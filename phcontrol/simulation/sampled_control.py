@@ -84,10 +84,11 @@ class SampledControl:
     def step(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Array:
         """Return the torque to hold from time t on [N·m]; ``x`` is the state as the law's model sees it."""
         self.desired, self._held_rate = self.command(t, x, state, measured)
-        if self.filter is None:
-            return self.limited(x, self.desired, measured)
-        port = self.controller.passive_port(t, x, state, measured) if self.filter.storage else None
+        stores = self.filter is not None and self.filter.storage
+        port = self.controller.passive_port(t, x, state, measured) if stores else None
         torque = self.limited(x, self.desired, measured, port)
+        if state.size and (torque is not self.desired) and (change := torque - self.desired).any():
+            self._held_rate = self.controller.rate_under_limits(t, x, state, self._held_rate, change, measured)
         if self.filtered is not None and self.filtered.storage_excess > 0.0 and state.size:
             # twice: what the state does about it comes a period late
             self._calm(t, x, state, measured, 2.0 * self.period * self.filtered.storage_excess)

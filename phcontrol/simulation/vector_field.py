@@ -225,9 +225,14 @@ class ClosedLoop:
         if measured is None:
             measured = self._total(x, around) if self._needs_total_force else around.truth
         state = y[self._end : self._bodies_start]
-        torque, state_rate = self.controller.evaluate(t, x.seen_by(self.model), state, measured)
-        if self._limits is not None:
-            torque = clipped(torque, *self._limits)
+        view = x.seen_by(self.model)
+        desired, state_rate = self.controller.evaluate(t, view, state, measured)
+        if self._limits is None:
+            return desired, state_rate
+        torque = clipped(desired, *self._limits)
+        change = torque - desired
+        if state.size and change.any():
+            state_rate = self.controller.rate_under_limits(t, view, state, state_rate, change, measured)
         return torque, state_rate
 
     def _truth(self, t: float, x: MechanicalState, y: Array) -> Measured:

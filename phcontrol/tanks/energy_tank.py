@@ -16,6 +16,15 @@ _KEPT = 0.9
 _FASTEST_LEAK = 1.0  # [1/s]: far below what held torques resolve
 
 
+class Payment(NamedTuple):
+    """What a tank lets through of what moves the state of a law, and pays for."""
+
+    opening: float
+    """ω, between 0 and 1: the part of the motion that happens, with the power ω P."""
+    share: float
+    """ω_t: ω_t P is what the tank gives; ω, or less where P < 0 and the tank is full."""
+
+
 class TankFlow(NamedTuple):
     """What the valves of a tank let through at one state."""
 
@@ -52,7 +61,11 @@ class EnergyTank:
     the start of a period, and the arm receives the torque times the velocity as it changes meanwhile. An action that is
     stiff against h can make energy of it, without end: −8 tanh(q̇/0.05) N·m on a Panda raised H_d + ½x_t² from 2.18 to
     2.60 J within 2 s at 1 ms, and dry friction that chatters filled the tank. Euler's step of x_t adds ½ẋ_t²h² to
-    what is filled. Nor does a tank know of torque that limits clip.
+    what is filled.
+
+    **Limits.** Where a torque is clipped, or changed by a filter, a loop lets the tank pay for what that puts into H_d
+    beyond what is lost (``Controller.rate_under_limits``): damping that did not act has filled nothing. What an empty
+    tank cannot pay is what the same limits put into a law without a tank.
 
     As the state of a law it is s = x_t − x_t(0), so that laws start with zeros. A. Dietrich, C. Ott and S. Stramigioli,
     "The passivity of projected null space compliance control via energy tanks", IEEE Robotics and Automation Letters
@@ -119,25 +132,64 @@ class EnergyTank:
         """Return the state s of a level [J]."""
         return math.sqrt(2.0 * number("level", level, minimum=0.0)) - math.sqrt(2.0 * self.initial)
 
-    def flow(self, state: float, power: float, damping_power: float) -> TankFlow:
+    def payment(self, state: float, power: float, part: float = 1.0) -> Payment:
+        """Return what the valves let through of a motion of the law's own state, ẋ_t = … − ω_t P/x_t.
+
+        Args:
+            state: s [√J].
+            power: P, what the whole motion would give to the law's storage function [W]; negative where it takes.
+            part: of ``largest_power`` that it may use.
+        """
+        level = self.level(state)
+        opening = _capped(self._valve(level), power, part * self.largest_power)
+        if power >= 0.0 or opening == 0.0:
+            return Payment(opening, opening)
+        returned = -opening * power
+        kept = (1.0 - self._fullness(level)) * min(returned, part * self.largest_power) / returned
+        return Payment(opening, opening * min(1.0, kept))
+
+    def spare(self, state: float, power: float, spent: float) -> float:
+        """Return what the tank gives of a power, beside what it spends already [W]: together at most ω·largest_power.
+
+        Args:
+            state: s [√J].
+            power: that is asked for [W]; 0 is given where it is negative.
+            spent: −x_t ẋ_t [W].
+        """
+        most = self._valve(self.level(state)) * self.largest_power
+        return max(0.0, min(power, most - max(0.0, spent)))
+
+    def _valve(self, level: float) -> float:
+        """Return ω but for the largest power: closed at the lower bound."""
+        return smooth((level - self.lowest) / self.ramp)
+
+    def _fullness(self, level: float) -> float:
+        """Return 0 to 1, towards the upper bound."""
+        return smooth((level - self.highest) / self.ramp + 1.0)
+
+    def flow(self, state: float, power: float, damping_power: float, part: float = 1.0) -> TankFlow:
         """Return what the valves let through.
 
         Args:
             state: s [√J].
             power: P_a = aᵀv̂, what the whole action would give to the arm [W]; negative where it takes.
             damping_power: P_d = v̂ᵀΔv̂ ≥ 0, what the damping takes [W].
+            part: of ``largest_power`` that the action may use.
         """
         charge = self.charge(state)
         level = 0.5 * charge * charge
-        opening = smooth((level - self.lowest) / self.ramp)
-        leak = 2.0 * self.leak * opening * level
-        if power > self.largest_power:
-            opening *= self.largest_power / power
-        fullness = smooth((level - self.highest) / self.ramp + 1.0)
+        largest = part * self.largest_power
+        valve, fullness = self._valve(level), self._fullness(level)
+        leak, opening = 2.0 * self.leak * valve * level, _capped(valve, power, largest)
         refill = _KEPT * (1.0 - fullness) * smooth(level / self.lowest)
         if refill * damping_power > self.largest_power:
             refill = self.largest_power / damping_power
         returned = max(0.0, -opening * power)
-        lost = leak + returned - (1.0 - fullness) * min(returned, self.largest_power)
+        lost = leak + returned - (1.0 - fullness) * min(returned, largest)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
         return TankFlow(opening, refill, lost, charge, rate)
+
+
+def _capped(valve: float, power: float, largest: float) -> float:
+    """Return ω: the valve's, and such that no more than the largest power flows out."""
+    return valve * largest / power if power > largest else valve

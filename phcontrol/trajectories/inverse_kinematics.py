@@ -31,7 +31,7 @@ class Posture:
     distance: float
     """Of the frame's origin from the target [m]."""
     angle: float
-    """Between the frame's orientation and the wished one [rad]; 0 when the orientation is free."""
+    """Between the frame's orientation and the desired one [rad]; 0 when the orientation is free."""
 
 
 class UnreachableTargetError(PHControlError):

@@ -50,15 +50,15 @@ def resolved_motion(
         singular_region: ε [m/rad].
         length: ℓ, how many metres 1 rad counts as [m/rad].
     """
-    jacobian, rate = x.frame_jacobian_and_rate(frame, "local_world_aligned")
     twist = reference.twist
     rows = len(twist)
-    if rows < len(jacobian):
-        jacobian, rate = jacobian[:rows], rate[:rows]
-    square, half = jacobian.dot(jacobian.T), rate.dot(jacobian.T)
+    rate = x.frame_kinematics_rate(frame)  # first: it brings 𝒥 along
+    rate = rate if rows == len(rate) else rate[:rows]
+    task, damping = x.task_space(frame, rows), frame_damping(rows, singular_damping, singular_region, length)
+    jacobian, square = task.jacobian, task.square
+    half = rate.dot(jacobian.T)
     square_rate = half + half.T
-    damping = frame_damping(rows, singular_damping, singular_region, length)
-    damped = damping.at(square)
+    damped = task.damped if damping is frame_damping(rows) else damping.at(square)
     if damped is not None:
         square, square_rate = damping.regularised(square, square_rate, damped)
     velocity, acceleration = right_inverse_motion(jacobian, rate, square, square_rate, twist, reference.acceleration)

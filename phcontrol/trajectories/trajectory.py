@@ -1,4 +1,4 @@
-"""What a trajectory is: a wished position, velocity and acceleration at every time."""
+"""What a trajectory is: a desired position, velocity and acceleration at every time."""
 
 from __future__ import annotations
 

@@ -43,19 +43,19 @@ class ServoVelocity:
         """Return s and ṡ along Ḃ, τ̄̇ and ż, shape (n,) each."""
         square, half = B.dot(B.T), B_rate.dot(B.T)
         square_rate = half + half.T
-        wish, wish_rate = self.rate.dot(error), self.rate.dot(error_rate)
+        desired, desired_rate = self.rate.dot(error), self.rate.dot(error_rate)
         damped = self.damping.at(square)
         if pull is None or pull_rate is None:
             if damped is not None:
                 square, square_rate = self.damping.regularised(square, square_rate, damped)
-            return right_inverse_motion(B, B_rate, square, square_rate, wish, wish_rate)
+            return right_inverse_motion(B, B_rate, square, square_rate, desired, desired_rate)
         along, along_rate = B.dot(pull), B_rate.dot(pull) + B.dot(pull_rate)
         if damped is None:
             # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
-            s, s_rate = right_inverse_motion(B, B_rate, square, square_rate, wish - along, wish_rate - along_rate)
+            s, s_rate = right_inverse_motion(B, B_rate, square, square_rate, desired - along, desired_rate - along_rate)
             return s + pull, s_rate + pull_rate
         regularised = self.damping.regularised(square, square_rate, damped)
-        s, s_rate = right_inverse_motion(B, B_rate, *regularised, wish, wish_rate)
+        s, s_rate = right_inverse_motion(B, B_rate, *regularised, desired, desired_rate)
         level, slope = damped
         fade, fade_rate = self._fade(level), -float(np.vdot(slope, square_rate)) / self.damping.level**2
         if fade > _FADED:
@@ -75,20 +75,20 @@ class ServoVelocity:
         self, B: Array, dB: Array, error: Array, d_error: Array, pull: Array | None, d_pull: Array | None
     ) -> tuple[Array, Array]:
         """Return s, shape (n,), and its derivatives, shape (k, n), for stacks dB (k, 3, n), dτ̄ (k, 3), dz (k, n)."""
-        wish, d_wish = self.rate @ error, d_error @ self.rate.T
+        desired, d_desired = self.rate @ error, d_error @ self.rate.T
         damped = self.damping.at(B @ B.T)
         if damped is None:
             inverse, d_inverse = right_inverse(B), right_inverse_derivative(B, dB)
             if pull is None or d_pull is None:
-                return inverse @ wish, d_inverse @ wish + d_wish @ inverse.T
-            wish, d_wish = wish - B @ pull, d_wish - dB @ pull - d_pull @ B.T
-            return inverse @ wish + pull, d_inverse @ wish + d_wish @ inverse.T + d_pull
+                return inverse @ desired, d_inverse @ desired + d_desired @ inverse.T
+            desired, d_desired = desired - B @ pull, d_desired - dB @ pull - d_pull @ B.T
+            return inverse @ desired + pull, d_inverse @ desired + d_desired @ inverse.T + d_pull
         level, slope = damped
         d_level = 2.0 * np.tensordot(dB @ B.T, slope)  # d(λ²) = tr(slope d(BBᵀ))
         Q, dQ = level * self.damping.weight, d_level[:, None, None] * self.damping.weight
         inverse = right_inverse(B, Q)
-        s: Array = inverse @ wish
-        ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ wish + d_wish @ inverse.T
+        s: Array = inverse @ desired
+        ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ desired + d_desired @ inverse.T
         fade = self._fade(level)
         if pull is not None and d_pull is not None and fade > _FADED:
             plain, along = right_inverse(B), B @ pull

@@ -158,12 +158,12 @@ def test_a_gain_that_is_too_small_is_not_passed(shoulder, monkeypatch):
     assert found.linear_norm == pytest.approx(0.1, rel=1e-3)
 
 
-def test_damping_for_a_wished_gain(shoulder):
+def test_damping_for_a_desired_gain(shoulder):
     controller = make_controller("force_feedback", shoulder, damping=damping_for_gain(0.05, 2))
     assert l2_gain(controller, shoulder).bound == pytest.approx(0.05)
     geared = MechanicalSystem(shoulder.robot, input_matrix=MIXED)
-    wished = damping_for_gain(0.05, 2, input_matrix=MIXED)
-    assert l2_gain(make_controller("force_feedback", geared, damping=wished), geared).bound == pytest.approx(0.05)
+    desired = damping_for_gain(0.05, 2, input_matrix=MIXED)
+    assert l2_gain(make_controller("force_feedback", geared, damping=desired), geared).bound == pytest.approx(0.05)
     with pytest.raises(InvalidArgumentError, match="gain: must be > 0"):
         damping_for_gain(0.0, 2)
 

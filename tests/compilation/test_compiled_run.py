@@ -13,6 +13,7 @@ from phcontrol import (
     CompilationWarning,
     CompliantBody,
     EnergyShaping,
+    ForceFeedback,
     ForceSensor,
     JointContact,
     Log,
@@ -33,8 +34,10 @@ from phcontrol import (
     load_robot,
     make_controller,
     simulate,
+    with_tank,
 )
 from phcontrol.compilation.rigid_body import ArmPosture
+from phcontrol.tanks import Action
 from tests.conftest import make_system
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -301,3 +304,24 @@ def test_a_law_that_was_changed_in_place_is_compiled_anew(name, shoulder):
         law.table[:] = 9.0
     after = both(shoulder, law, duration=0.1)
     assert np.abs(after.torque - before.torque).max() > 1.0
+
+
+class Push(Action):
+    """What pushes a moving arm on."""
+
+    def torque(self, t, x):
+        return 0.3 * x.velocity
+
+
+def test_a_tank_whose_law_is_clipped_is_simulated_interpreted():
+    """Compiled loops do not tell it: where no torque is clipped they are the same, and else said and done again."""
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    law = with_tank(ForceFeedback).tuned(system, actions=Push())
+    run = {"duration": 0.02, "q0": law.goal, "v0": [2.0, -2.0]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulate(system, law, torque_limit=None, compiled=True, **run)
+    with pytest.warns(CompilationWarning, match="a torque is clipped, for which the law's tank must pay"):
+        clipped = simulate(system, law, torque_limit=15.0, compiled=True, **run)
+    plain = simulate(system, law, torque_limit=15.0, **run)
+    np.testing.assert_array_equal(clipped.tank_level, plain.tank_level)

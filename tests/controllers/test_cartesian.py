@@ -85,7 +85,7 @@ def test_torque_is_the_formula_written_out(panda, rng):
     damping = J.T @ (1.2 * Q * np.sqrt(K0)) @ Q.T @ J + 3.0 * (M - J.T @ inertia @ J)
     expected = x.potential_gradient - spring.gradient(x) - damping @ x.velocity
     np.testing.assert_allclose(law.evaluate(0.0, x, EMPTY).torque, expected, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(law.joint_damping(x), damping, atol=1e-10 * np.abs(damping).max())
+    np.testing.assert_allclose(law.joint_damping(0.0, x), damping, atol=1e-10 * np.abs(damping).max())
 
 
 def test_all_modes_of_the_hand_have_the_damping_ratio(panda, rng):
@@ -93,7 +93,7 @@ def test_all_modes_of_the_hand_have_the_damping_ratio(panda, rng):
     for _ in range(10):
         x = panda.at(panda.robot.random_position(rng))
         law = CartesianImpedance(panda, goal=pose(panda, x.position), damping_ratio=0.7, **HAND)
-        inertia, D = np.linalg.inv(x.task_space(panda.hand_frame).mobility), law.task_damping_matrix(x)
+        inertia, D = np.linalg.inv(x.task_space(panda.hand_frame).mobility), law.task_damping_matrix(0.0, x)
         R = x.placement(panda.hand_frame).rotation
         K = np.diag([600.0, 600.0, 200.0, 30.0, 30.0, 30.0])
         K[3:, 3:] = R @ K[3:, 3:] @ R.T
@@ -105,15 +105,41 @@ def test_all_modes_of_the_hand_have_the_damping_ratio(panda, rng):
         assert np.abs(other.real - D).max() > 1e-3 * np.abs(D).max()
 
 
+@pytest.mark.parametrize("axes", ["world", "tool"])
+def test_the_damping_ratio_is_that_of_the_stiffness_at_the_time(panda, rng, axes):
+    """K(t) of 9 times K: ζ, and not ζ/3; asked at two times of one state, as certificates do."""
+    x = panda.at(np.array(POSTURES[0]) + 0.1)
+    goal = pose(panda, POSTURES[0])
+    linear, turning = np.array([600.0, 600.0, 200.0]), np.array([30.0, 20.0, 10.0])
+    varied = Stiffness(lambda t: (1.0 + 8.0 * t) * linear, rotational=lambda t: (1.0 + 3.0 * t) * turning, duration=1.0)
+    gains = {"translational_stiffness": linear, "rotational_stiffness": turning, "axes": axes, "damping_ratio": 0.6}
+    law = CartesianImpedance(panda, goal=goal, variation=varied, **gains)
+    same = CartesianImpedance(panda, goal=goal, **gains)
+    inertia, R = np.linalg.inv(x.task_space(panda.hand_frame).mobility), x.placement(panda.hand_frame).rotation
+    v = rng.normal(size=7)
+    for t in (0.0, 1.0, 0.5, 0.0):
+        D = law.task_damping_matrix(t, x)
+        K = np.zeros((6, 6))
+        A = np.eye(3) if axes == "world" else goal.rotation
+        K[:3, :3] = A @ np.diag((1.0 + 8.0 * t) * linear) @ A.T
+        K[3:, 3:] = R @ np.diag((1.0 + 3.0 * t) * turning) @ R.T
+        modes = np.linalg.eigvals(
+            np.block([[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(inertia, K), -np.linalg.solve(inertia, D)]])
+        )
+        np.testing.assert_allclose(-modes.real / np.abs(modes), 0.6, atol=1e-6)
+        np.testing.assert_allclose(law.damping_force(t, x, v), law.joint_damping(t, x) @ v, atol=1e-9)
+    np.testing.assert_allclose(law.task_damping_matrix(0.0, x), same.task_damping_matrix(0.0, x), rtol=1e-9, atol=1e-9)
+
+
 def test_what_the_hand_does_not_feel_is_damped_and_nothing_else(panda, rng):
     x = panda.at(POSTURES[0])
     law = CartesianImpedance(panda, goal=pose(panda, POSTURES[0]), nullspace_damping=4.0, **HAND)
     J = x.frame_jacobian(panda.hand_frame, "local_world_aligned")
     self_motion = np.linalg.svd(J)[2][-1]
-    np.testing.assert_allclose(law.damping_force(x, self_motion), 4.0 * x.mass_matrix @ self_motion, atol=1e-9)
+    np.testing.assert_allclose(law.damping_force(0.0, x, self_motion), 4.0 * x.mass_matrix @ self_motion, atol=1e-9)
     bare = law.changed(nullspace_damping=0.0)
     moving = np.linalg.solve(x.mass_matrix, J.T @ rng.normal(size=6))  # across it in the metric of M
-    np.testing.assert_allclose(law.damping_force(x, moving), bare.damping_force(x, moving), atol=1e-9)
+    np.testing.assert_allclose(law.damping_force(0.0, x, moving), bare.damping_force(0.0, x, moving), atol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["coriolis", "canonical"])
@@ -144,7 +170,7 @@ def test_certificates_of_the_options(options):
 class Undamped(CartesianImpedance):
     """Promises a damping that its torque leaves out."""
 
-    def damping_force(self, x, velocity):
+    def damping_force(self, t, x, velocity):
         return 0.0 * velocity
 
 

@@ -76,6 +76,80 @@ def test_ten_thousand_random_states_never_leave_the_bounds(rng):
             assert flow.rate <= 1e-12
 
 
+def test_ten_thousand_random_states_with_all_that_a_tank_may_pay_for(rng):
+    """An action, a regulated motion and what limits put in, at once: the level stays above its bound at 2.2 ms too."""
+    tank, lowest = EnergyTank(), np.inf
+    for _ in range(10_000):
+        level = tank.lowest + (tank.highest - tank.lowest) * rng.choice([rng.random(), 10.0 ** rng.uniform(-9, 0)])
+        powers = rng.choice([-1.0, 1.0], size=3) * 10.0 ** rng.uniform(-3, 4, size=3)
+        state = tank.state(level)
+        flow = tank.flow(state, powers[0], 0.0, 0.5)
+        payment = tank.payment(state, powers[1], 0.5)
+        assert 0.0 <= payment.share <= payment.opening <= 1.0
+        assert payment.share == payment.opening or powers[1] < 0.0  # less only where it is given something
+        rate = flow.rate - payment.share * powers[1] / flow.charge
+        spared = tank.spare(state, powers[2], -rate * flow.charge)
+        assert 0.0 <= spared <= max(0.0, powers[2])
+        rate -= spared / flow.charge
+        lowest = min(lowest, tank.level(state + tank.longest_period * rate))
+    assert lowest >= tank.lowest * (1.0 - 1e-12)
+    assert lowest < tank.lowest + 1e-6  # and it is looked at where it matters
+
+
+def growth(log, supplied=None):
+    own = log.storage - (0.0 if supplied is None else supplied)
+    return float((own - np.minimum.accumulate(own)).max())
+
+
+class Untold(TankedLaw, ForceFeedback):
+    """Its tank does not hear of limits."""
+
+    name = "untold"
+
+    def rate_under_limits(self, t, x, state, rate, change, measured=None):
+        return rate
+
+
+@pytest.mark.parametrize("period", [None, 1e-3])
+def test_damping_that_is_clipped_fills_no_tank(shoulder, period):
+    """An arm thrown at 2 rad/s, whose motors can hardly brake: without friction H_d + tank can only fall.
+
+    At 1 kHz but for the error of the hold, of some percent: halving the period halves it.
+    """
+    free = MechanicalSystem(shoulder.robot, friction=None)
+    grown = {}
+    for law in (Untold, with_tank(ForceFeedback)):
+        made = law.tuned(free, actions=ExternalAction(lambda t, x: 0.05 * np.cos(x.position)))
+        log = simulate(
+            free, made, q0=made.goal, v0=[2.0, -2.0], duration=0.3, dt=5e-4, control_period=period, torque_limit=15.0
+        )
+        assert (np.abs(log.torque) >= 15.0 - 1e-9).any()
+        grown[law.name] = growth(log)
+        assert log.tank_level.min() >= made.tank.lowest
+    assert grown["untold"] > 1.0, grown
+    assert grown["force_feedback_with_tank"] < (1e-8 if period is None else 0.06), grown
+
+
+def test_an_empty_tank_pays_for_no_clipping(shoulder):
+    """Then H_d grows by what limits put in, as it would without a tank, and the level stays above its bound."""
+    free = MechanicalSystem(shoulder.robot, friction=None)
+    tank = EnergyTank(initial=0.05, lowest=0.02, ramp=0.1, largest_power=50.0)
+    law = with_tank(ForceFeedback).tuned(free, actions=ExternalAction(lambda t, x: 0.0 * x.position), tank=tank)
+    log = simulate(free, law, q0=law.goal, v0=[2.0, -2.0], duration=0.3, control_period=1e-3, torque_limit=1.0)
+    assert log.tank_level.min() >= tank.lowest
+    sample = [law.passive_port(t, free.at(q, v), s) for t, q, v, s in zip(
+        log.time, log.position, log.velocity, log.controller_state, strict=True
+    )]  # fmt: skip
+    ordered = [law.evaluate(t, free.at(q, v), s).torque for t, q, v, s in zip(
+        log.time, log.position, log.velocity, log.controller_state, strict=True
+    )]  # fmt: skip
+    put_in = [max(0.0, p.output @ (u - o) - p.dissipated_power) for p, u, o in zip(
+        sample, log.torque, ordered, strict=True
+    )]  # fmt: skip
+    bound = float(np.sum(put_in) * 1e-3)
+    assert 0.1 < growth(log) <= 1.05 * bound
+
+
 @pytest.mark.parametrize("start", [0.02, 0.3, 4.9])
 def test_levels_stay_between_the_bounds_for_a_thousand_steps(start, rng):
     tank = EnergyTank()
@@ -197,8 +271,8 @@ class Greedy(TankedLaw, ForceFeedback):
 
     name = "greedy"
 
-    def joint_damping(self, x):
-        return 1.5 * super().joint_damping(x)
+    def joint_damping(self, t, x):
+        return 1.5 * super().joint_damping(t, x)
 
 
 @pytest.mark.parametrize("wrong", [Unpaid, Greedy])
@@ -221,6 +295,20 @@ def test_a_stirring_torque_gives_no_more_than_the_tank_holds(shoulder):
     assert np.isfinite(log.position).all()
 
 
+def test_a_sequence_shows_the_tank_of_its_laws(shoulder):
+    """Held while a law acts that has none, in log and viewer."""
+    stirred = with_tank(ForceFeedback).tuned(shoulder, actions=ExternalAction(stir))
+    law = Schedule([(0.0, ForceFeedback.tuned(shoulder)), (0.1, stirred), (0.3, ForceFeedback.tuned(shoulder))])
+    log = simulate(shoulder, law, q0=law.laws[0].goal + 0.3, duration=0.4)
+    levels = log.tank_level
+    assert levels is not None
+    np.testing.assert_allclose(levels, [stirred.tank.level(s) for s in log.controller_state[:, law.state_size - 1]])
+    held = log.time < 0.1
+    assert np.ptp(levels[held]) == 0.0
+    assert np.ptp(levels) > 1e-3
+    assert Schedule([(0.0, ForceFeedback.tuned(shoulder))]).tank_level(np.zeros(2)) is None
+
+
 def test_a_law_without_actions_has_no_tank(shoulder):
     law = with_tank(ForceFeedback).tuned(shoulder)
     assert law.states == ("force",)
@@ -235,18 +323,18 @@ def test_a_law_without_actions_has_no_tank(shoulder):
 def _held(mode):
     system = arm("panda")
     start = system.robot.near_home()
-    wished = start + np.array([0.3, -0.2, 0.4, 0.3, -0.3, 0.3, 0.4])
+    desired = start + np.array([0.3, -0.2, 0.4, 0.3, -0.3, 0.3, 0.4])
     placement = system.at(start).placement(system.hand_frame)
     goal = Pose(np.array(placement.translation), np.array(placement.rotation))
     law = CartesianImpedance(
         system, goal=goal, translational_stiffness=[600.0, 600.0, 200.0], rotational_stiffness=30.0, posture=mode,
-        preferred_posture=wished, posture_stiffness=10.0,
+        preferred_posture=desired, posture_stiffness=10.0,
     )  # fmt: skip
     log = simulate(system, law, q0=start, duration=15.0, dt=2e-3)
     hand = system.at(log.position[-1]).placement(system.hand_frame)
     distance = np.linalg.norm(hand.translation - goal.translation)
     angle = np.arccos(min(1.0, 0.5 * (np.trace(goal.rotation.T @ hand.rotation) - 1.0)))
-    return law, log, distance, angle, np.linalg.norm(log.position[-1] - wished), np.linalg.norm(start - wished)
+    return law, log, distance, angle, np.linalg.norm(log.position[-1] - desired), np.linalg.norm(start - desired)
 
 
 @pytest.mark.study

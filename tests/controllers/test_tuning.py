@@ -1,4 +1,4 @@
-"""Default gains on every arm: what they make of a step, of a wish, and of a torque that is held."""
+"""Default gains on every arm: what they make of a step, of a desired bandwidth, and of a torque that is held."""
 
 from __future__ import annotations
 
@@ -86,11 +86,11 @@ def test_a_diagonal_damping_of_a_long_chain_diverges_when_it_is_held():
     assert log.storage.max() > 10.0 * log.storage[0]
 
 
-@pytest.mark.parametrize("wish", [(10.0, 0.7), (3.0, 1.0), (25.0, 2.0)])
+@pytest.mark.parametrize("desired", [(10.0, 0.7), (3.0, 1.0), (25.0, 2.0)])
 @pytest.mark.parametrize("name", ["pera", "panda", "ur5", "chain of 14"])
-def test_a_wish_is_what_the_modes_of_the_loop_at_the_goal_are(name, wish):
+def test_the_modes_of_the_loop_at_the_goal_are_the_desired_ones(name, desired):
     """The linearised loop, by central differences of the accelerations: λ² + 2ζωλ + ω² = 0 for each mode."""
-    frequency, ratio = wish
+    frequency, ratio = desired
     system = MechanicalSystem(arm(name).robot, friction=None)
     goal, n = system.robot.near_home(), system.n
     law = make_controller("energy_shaping", system, goal, bandwidth=frequency, damping_ratio=ratio)
@@ -107,7 +107,7 @@ def test_a_wish_is_what_the_modes_of_the_loop_at_the_goal_are(name, wish):
     assert np.abs(polynomial).max() <= 1e-5 * max(1.0, np.abs(A @ A).max())
 
 
-def test_either_wish_alone_is_one():
+def test_either_of_both_alone_counts():
     system = arm("ur5")
     M = system.at(system.robot.home).mass_matrix
     law = make_controller("energy_shaping", system, bandwidth=5.0)
@@ -118,10 +118,10 @@ def test_either_wish_alone_is_one():
     np.testing.assert_allclose(law.damping, 4.0 * M)
 
 
-@pytest.mark.parametrize("wish", [{"bandwidth": 0.0}, {"damping_ratio": -1.0}])
-def test_a_wish_must_be_positive(wish):
-    with pytest.raises(InvalidArgumentError, match=f"{next(iter(wish))}: must be > 0"):
-        make_controller("energy_shaping", arm("ur5"), **wish)
+@pytest.mark.parametrize("desired", [{"bandwidth": 0.0}, {"damping_ratio": -1.0}])
+def test_what_is_desired_must_be_positive(desired):
+    with pytest.raises(InvalidArgumentError, match=f"{next(iter(desired))}: must be > 0"):
+        make_controller("energy_shaping", arm("ur5"), **desired)
 
 
 def test_friction_limits_by_how_much_forces_are_amplified():

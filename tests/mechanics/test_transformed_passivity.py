@@ -142,8 +142,8 @@ class Stiffening:
         """Return K and S: those that make J̄ = [[0, 1], [−1, 0]], R̄ = diag(1/k, d)."""
         inverse = np.linalg.inv(np.array([[1.0, 0.0], [self.m, 1.0]]))
         J = np.array([[0.0, 1.0], [-1.0, 0.0]])
-        wished = inverse @ (J - np.diag([1.0 / self.k(t), 0.1])) @ inverse.T
-        added = wished - (J - np.diag([0.0, 0.1]))
+        desired = inverse @ (J - np.diag([1.0 / self.k(t), 0.1])) @ inverse.T
+        added = desired - (J - np.diag([0.0, 0.1]))
         return 0.5 * (added - added.T), -0.5 * (added + added.T)
 
     def check(self):

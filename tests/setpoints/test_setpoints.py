@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import threading
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +14,8 @@ from hypothesis import strategies as st
 
 from phcontrol import (
     After,
+    CartesianImpedance,
+    CartesianTracking,
     ControlLoop,
     EnergyShaping,
     EventSchedule,
@@ -20,6 +24,7 @@ from phcontrol import (
     MechanicalSystem,
     Phase,
     PHControlError,
+    Pose,
     UnknownNameError,
     compile_law,
     load_robot,
@@ -28,6 +33,7 @@ from phcontrol import (
 from phcontrol.potentials import FrameSpring
 from phcontrol.setpoints import LiveFramePath, LiveTrajectory, LiveValue, Setpoint
 from phcontrol.setpoints.live_parts import live_parts
+from tests.controllers.arms import arm
 
 ARM = MechanicalSystem(load_robot("pera_shoulder_elbow"))
 FRAME = "panda_hand_tcp"
@@ -288,3 +294,49 @@ def symbol_of_casadi():
     import casadi
 
     return casadi.SX.sym("t")
+
+
+@pytest.mark.parametrize("law", ["cartesian", "shaping"])
+def test_a_goal_out_of_reach_warns_once_and_says_by_how_much(law):
+    """When it is asked for, not in each step; the hand then rests where it was said."""
+    system = arm("panda")
+    frame, home = system.hand_frame, system.robot.near_home()
+    start = system.at(home).placement(frame)
+    goal = LiveFramePath(frame, start, speed=1.0)
+    gains = {"translational_stiffness": 600.0, "rotational_stiffness": 30.0}
+    if law == "cartesian":
+        made = CartesianTracking.tuned(system, home, path=goal, **gains)
+    else:
+        made = EnergyShaping.tuned(system, home, potential=FrameSpring(frame, start, **gains), reference=goal)
+    setpoint = Setpoint(goal=goal)
+    far = start.translation + np.array([0.6, 0.0, 0.0])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        setpoint.change(goal=(start.translation + np.array([0.0, 0.1, 0.0]), start.rotation), at=0.01)
+        assert not caught
+        setpoint.change(goal=(far, start.rotation), at=0.02)
+        assert len(caught) == 1
+        simulate(system, made, q0=home, duration=0.05, setpoint=setpoint)
+        goal.request((far + np.array([0.0, 0.0, 0.01]), start.rotation))  # dragged on
+        assert len(caught) == 1
+        setpoint.change(goal=(3.0 * far, start.rotation))
+        setpoint.change(goal=(start.translation, start.rotation))
+        setpoint.change(goal=(far, start.rotation))
+    assert [w.category for w in caught] == [UserWarning] * 3
+    message = str(caught[0].message)
+    assert f"the goal of '{frame}' is out of reach, by " in message
+    with pytest.warns(UserWarning, match="out of reach"):
+        held = CartesianImpedance(system, goal=Pose(far, start.rotation), preferred_posture=home, **gains)
+    said = re.search(r"by ([0-9.]+) m and ([0-9.]+) rad", message)
+    assert float(said[1]) == pytest.approx(held.out_of_reach.distance, rel=1e-2)
+    assert float(said[2]) == pytest.approx(held.out_of_reach.angle, rel=2e-2)
+    assert held.out_of_reach.distance > 0.05
+
+
+def test_goals_that_were_asked_for_before_there_was_a_law_are_heard_of():
+    system = arm("panda")
+    start = system.at(system.robot.near_home()).placement(system.hand_frame)
+    goal = LiveFramePath(system.hand_frame, start)
+    goal.request((start.translation + np.array([2.0, 0.0, 0.0]), start.rotation))
+    with pytest.warns(UserWarning, match="out of reach, by"):
+        CartesianTracking.tuned(system, path=goal)

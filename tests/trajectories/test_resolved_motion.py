@@ -52,14 +52,14 @@ def state(arm, rows, seed, *, near):
             break
     if not near:
         return system, frame, q, rng
-    wished = rng.uniform(0.2, 0.8) * SINGULAR_REGION
+    desired = rng.uniform(0.2, 0.8) * SINGULAR_REGION
     other = q
-    while distance(system, other, frame, rows) > wished:  # some posture nearer to singularity than wished
+    while distance(system, other, frame, rows) > desired:  # some posture nearer to singularity than desired
         other = nearest_singular(system, other, frame, rows)
     low, high = 0.0, 1.0  # by bisection between both
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if distance(system, q + middle * (other - q), frame, rows) > wished:
+        if distance(system, q + middle * (other - q), frame, rows) > desired:
             low = middle
         else:
             high = middle

@@ -31,7 +31,7 @@ def test_features_that_flow_are_those_of_an_object_at_rest():
 
 
 @pytest.mark.parametrize("arm", ["pera_shoulder_elbow", "pera", "panda", "ur5"])
-def test_the_goal_posture_looks_as_wished(arm, rng):
+def test_the_goal_posture_looks_as_desired(arm, rng):
     system = make_system(arm)
     camera = PinholeCamera().mounted_on(system.robot)
     for _ in range(5):
