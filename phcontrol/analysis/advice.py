@@ -19,6 +19,10 @@ ADVICE: dict[str, str] = {
         "the storage function gains energy that neither f_e nor what drives the law brings: mostly what another failed "
         "line says; alone, f_e enters otherwise than the port says"
     ),
+    "growth of H_d with time alone": (
+        "H_d rises while the clock runs and nothing moves: a stiffness that grows brings energy in; pay for it out "
+        "of a tank"
+    ),
     "jump of H_d between states": "H_d jumps: gains or a goal that switch, a term behind an if",
     "balance of H_d along runs": "H_d jumps within a run: gains or a goal that switch",
     "target's coordinates are others": "coordinates() and target().coordinates differ",
@@ -61,5 +65,10 @@ ADVICE: dict[str, str] = {
     "largest real part when it is touched [1/s]": (
         "what f_e drives goes against what it touches, and the linearised loop with a spring there is unstable"
     ),
+    "largest real part when it is pushed [1/s]": (
+        "a large f_e drives the law otherwise than a small one, and against what it touches: its answer to f_e must not "
+        "turn round, nor grow with the size of f_e"
+    ),
+    "least dissipation with nothing to see [1/s]": "where nothing is seen the law must brake, and R_d has no damping there",
 }
 """By the line's name."""

@@ -43,9 +43,11 @@ class StateFigures(NamedTuple):
     coordinates: Array
     """|x| per row."""
     slope_error: float
-    """|Ḣ_d − ∇H_dᵀẋ| [W]."""
+    """|Ḣ_d − ∇H_dᵀẋ − ∂H_d/∂t| [W], the last at the same coordinates."""
     growth: float
     """Ḣ_d − ∇H_dᵀ(port f_e + drive) [W]: what the storage function gains by itself."""
+    aging: float
+    """∂H_d/∂t at the same coordinates [W]: what it gains by the clock alone, of a law that changes with time."""
     power: float
     """Sum of the absolute terms of ∇H_dᵀẋ [W]."""
     skewness: float
@@ -90,6 +92,10 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
             power = float(np.abs(products).sum())
         if (residual <= _CLOSE_ENOUGH * terms).all() and slope_error <= _CLOSE_ENOUGH * power:
             break
+    aging = 0.0
+    if law.time_span and slope_error > _CLOSE_ENOUGH * power:
+        aging = flow.aging()
+        slope_error = abs(storage_rate - float(target.gradient @ rate) - aging)
     supplied = float(target.gradient @ (target.port @ at.force + driven))
     # a coordinate that stands at its largest, as an entry of a rotation, has a rate that is rounding
     terms = np.maximum(np.maximum(terms, np.abs(rate)), _SEEN * flow.rounding * np.abs(target.coordinates))
@@ -99,6 +105,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         coordinates=np.abs(target.coordinates),
         slope_error=slope_error,
         growth=storage_rate - supplied,
+        aging=aging,
         power=power + abs(supplied),
         skewness=_skewness(target.J, target.R),
         indefiniteness=indefiniteness(target.R),

@@ -9,10 +9,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from phcontrol._validation import Array, number
+from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.thin_states import ThinStates
 from phcontrol.controllers.controller import Controller
+from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.vision.scene import Scene
@@ -36,6 +39,7 @@ _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
 _THIN = 4  # a quarter as many states are added on thin sets
 _EVEN = ("at limits", "anywhere", "beyond limits", "speeds")  # strata with a sequence of their own
 _ALONE = 0.25  # of the vectors have one entry alone
+_UNSEEN = 0.1  # of the states of a law with eyes there is nothing to see
 
 
 class StateSampler:
@@ -51,6 +55,8 @@ class StateSampler:
     - states of the controller: zero, 1e-6 to 30 natural units, one entry alone;
     - external forces: zero or the one under which the law rests, tiny to twice the motors' limits away from either, on
       one joint alone, or a force on the tool, in any direction, upright or level;
+    - what is seen: an object as the law's ``random_scene`` draws it, or nothing (features that are NaN), where the law
+      does not refuse that by ObjectLostError;
     - times: the start and the whole of each phase of the law (a minute if it does not change), and later ones: up to
       1e5 s, or 200 times its span.
 
@@ -141,7 +147,17 @@ class StateSampler:
             force, how_pushed = force + self._rest_force, how_pushed and "f_e as at rest"
         scene = self._look(position, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
         stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
-        return SampledState(time, position, velocity, state, force, scene, stratum)
+        at = SampledState(time, position, velocity, state, force, scene, stratum)
+        return at if scene is None or self._generator.uniform() >= _UNSEEN else self._blind(at)
+
+    def _blind(self, at: SampledState) -> SampledState:
+        """Return a state with nothing to see, or as it is where the law refuses that."""
+        blind = at._replace(scene=EmptyScene(), stratum=f"{at.stratum}, nothing to see".removeprefix(", "))
+        try:
+            Seen.of(self._law, self._plant, blind).command()
+        except ObjectLostError:
+            return at
+        return blind
 
     def _time(self, kind: float, size: float) -> float:
         """Return a time: the start of a phase, within a phase, or any, on a logarithmic scale."""
