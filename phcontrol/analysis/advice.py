@@ -50,6 +50,8 @@ ADVICE: dict[str, str] = {
         "momentum, do not depend on q̇"
     ),
     "rise of H_d to the calmest state": "calmest_state() is not where H_d is smallest",
+    "rise of H_d by a jump": "jump() changes the law's state: without saying so in jumps, or to one of more energy",
+    "desired posture that is another": "desired_posture() is not target_posture() where the law has just begun",
     "no rest near the goal": "∇H_d vanishes nowhere near rest_posture(): goal and potential do not belong together",
     "motion where it should rest": "the arm moves where ∇H_d = 0: the torque is not what the target says",
     "distance from its goal at rest": "∇H_d vanishes elsewhere than at the goal: the potential is not smallest there",
@@ -66,9 +68,11 @@ ADVICE: dict[str, str] = {
         "what f_e drives goes against what it touches, and the linearised loop with a spring there is unstable"
     ),
     "largest real part when it is pushed [1/s]": (
-        "a large f_e drives the law otherwise than a small one, and against what it touches: its answer to f_e must not "
-        "turn round, nor grow with the size of f_e"
+        "a large f_e drives the law otherwise than a small one, and against what it touches: its answer to f_e must "
+        "not turn round, nor grow with the size of f_e"
     ),
-    "least dissipation with nothing to see [1/s]": "where nothing is seen the law must brake, and R_d has no damping there",
+    "least dissipation with nothing to see [1/s]": (
+        "where nothing is seen the law must brake, and R_d has no damping there"
+    ),
 }
 """By the line's name."""

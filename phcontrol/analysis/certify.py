@@ -29,9 +29,14 @@ from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.invariance import change_of_drive, change_with_force, change_with_time
 from phcontrol.analysis.matching import StateFigures, described, examine, worst_power, worst_residual
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error, starting_gain
+from phcontrol.analysis.ports import calming_gain, jumping_gain, passive_port_error, port_error, starting_gain
 from phcontrol.analysis.promised import undetermined
-from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
+from phcontrol.analysis.purity import (
+    difference_after_marching,
+    difference_backwards,
+    largest_hidden_need,
+    largest_impurity,
+)
 from phcontrol.analysis.pushed_loop import fastest_when_pushed
 from phcontrol.analysis.rest_point import (
     ENVIRONMENT_FREQUENCIES,
@@ -292,6 +297,7 @@ class _Examination:
         if self._samples >= FEW:
             scene = law.rest_scene(law.system.at(law.rest_posture(0.0)))
             backwards = difference_backwards(law, plant, fine_motion(law, plant, self._units, self._rest_point, scene))
+            backwards = max(backwards, difference_after_marching(law, plant, states[-1]))
             yield Check.at_most("command that remembers the motion", backwards, PURITY_TOLERANCE)
         for name, figure in (
             ("change by what is not needed", largest_hidden_need),
@@ -304,6 +310,7 @@ class _Examination:
             ("output of f_e that is no velocity", port_error),
             ("passive port that is another", passive_port_error),
             ("rise of H_d to the calmest state", calming_gain),
+            ("rise of H_d by a jump", jumping_gain),
         ):
             value, where = figure(law, plant, states)
             yield Check.at_most(name, value, MATCHING_TOLERANCE, where)
@@ -344,6 +351,10 @@ class _Examination:
         if goal is not None:
             away = float(np.abs(self._plant.robot.difference(rest.position, goal)).max())
             yield Check.at_most("distance from its goal at rest", away, MATCHING_TOLERANCE, place)
+        desired = law.desired_posture(rest.time, law.initial_state(self._plant.at(rest.position)))
+        if goal is not None and desired is not None:
+            apart = float(np.abs(self._plant.robot.difference(desired, goal)).max())
+            yield Check.at_most("desired posture that is another", apart, MATCHING_TOLERANCE, place)
         if not law.lacks_minimum:
             yield Check.more_than("smallest curvature of H_d at rest", rest.curvature, CURVATURE_TOLERANCE, place)
             yield Check.at_most("rest in contact only", float(rest.in_contact), 0.0)
@@ -367,7 +378,7 @@ class _Examination:
 
 
 def _times(law: Controller) -> tuple[float, ...]:
-    """Return when a law's rest is looked at: at the start of each phase; of a law that changes, along its span and late."""
+    """Return when a law's rest is looked at: at the start of each phase; of a law that changes, also later."""
     if len(law.phases) > 1 or not law.time_span:
         return law.phases
     times = tuple(share * law.time_span for share in (0.0, 0.5, 1.0, _LATE))

@@ -154,8 +154,9 @@ class ShapedLaw(Controller):
             return self._trajectory.at(t).position
         if self.reference is not None:
             return None
-        goal = super().target_posture(t)
-        return self._posture if goal is None else goal
+        goal: Any = getattr(self, "goal", None)  # of a law on a frame it is a pose
+        given = isinstance(goal, np.ndarray) and goal.shape == (self.system.n,)
+        return goal if given else self._posture
 
     @lazy
     def _posture(self) -> Array | None:

@@ -211,7 +211,7 @@ class Sum(Potential):
             term.check(system)
 
     def check_posture(self, system: MechanicalSystem) -> None:
-        """Raise InvalidArgumentError when a term has a slope where it says that it is smallest; the sum may rest beside it."""
+        """Raise InvalidArgumentError when a term has a slope where it says that it is smallest; the sum may."""
         for term in self.potentials:
             term.check_posture(system)
 
