@@ -65,9 +65,9 @@ class Flow:
         """Return H_d ``shift`` seconds along the flow [J]."""
         return self.seen(shift).stored()
 
-    def aging(self) -> float:
-        """Return ∂H_d/∂t at the same coordinates [W]."""
-        return self.start.aging(self._unit)
+    def aging(self, stretch: float = 1.0) -> float:
+        """Return ∂H_d/∂t at the same coordinates [W], by differences like those of ``derivative``."""
+        return self.start.aging(stretch * self._unit)
 
     def derivative(self, function: Callable[[float], Any], stretch: float = 1.0) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""

@@ -80,22 +80,22 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
     terms = np.abs(target.J - target.R) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
     terms += np.abs(driven)
     residual, rate, slope_error = np.full(promised.shape, np.inf), promised, np.inf
-    storage_rate, power = 0.0, 0.0
+    storage_rate, power, aging = 0.0, 0.0, 0.0
+    ages = False  # looked at where H_d does not follow its gradient without it
     for stretch in _STRETCHES:
         actual = flow.derivative(flow.coordinates, stretch)
         residual = np.fmin(residual, np.abs(actual - promised))
         slope = float(flow.derivative(flow.storage, stretch))
         products = target.gradient * actual
         error = abs(slope - float(products.sum()))
+        ages = ages or bool(law.time_span and error > _CLOSE_ENOUGH * np.abs(products).sum())
+        by_clock = flow.aging(stretch) if ages else 0.0
+        error = abs(slope - float(products.sum()) - by_clock)
         if not error >= slope_error:
-            slope_error, storage_rate, rate = error, slope, actual
+            slope_error, storage_rate, rate, aging = error, slope, actual, by_clock
             power = float(np.abs(products).sum())
         if (residual <= _CLOSE_ENOUGH * terms).all() and slope_error <= _CLOSE_ENOUGH * power:
             break
-    aging = 0.0
-    if law.time_span and slope_error > _CLOSE_ENOUGH * power:
-        aging = flow.aging()
-        slope_error = abs(storage_rate - float(target.gradient @ rate) - aging)
     supplied = float(target.gradient @ (target.port @ at.force + driven))
     # a coordinate that stands at its largest, as an entry of a rotation, has a rate that is rounding
     terms = np.maximum(np.maximum(terms, np.abs(rate)), _SEEN * flow.rounding * np.abs(target.coordinates))

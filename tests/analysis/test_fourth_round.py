@@ -464,7 +464,7 @@ class JumpsDown(ForceFeedback):
     jumps = True
 
     def jump(self, t, x, state, measured=NOTHING):
-        return self.calmest_state(t, x, state) if np.abs(x.velocity).max() > 20.0 else state
+        return self.calmest_state(t, x, state) if np.abs(x.velocity).max() > 2.0 else state
 
 
 class JumpsUnsaid(JumpsDown):
