@@ -16,7 +16,7 @@ JOINT = (
     '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>'
     '<limit lower="-2" upper="2" velocity="3" effort="10"/></joint>'
 )
-FIXED = '<joint name="{}" type="fixed"><parent link="{}"/><child link="{}"/></joint>'
+FIXED = '<joint name="{}" type="fixed"><parent link="{}"/><child link="{}"/><origin xyz="0.2 0 0.1"/></joint>'
 
 
 def link(name, mass=1.0, moment=0.01):
