@@ -19,6 +19,10 @@ ADVICE: dict[str, str] = {
         "the storage function gains energy that neither f_e nor what drives the law brings: mostly what another failed "
         "line says; alone, f_e enters otherwise than the port says"
     ),
+    "growth of H_d with time alone": (
+        "H_d rises while the clock runs and nothing moves: a stiffness that grows brings energy in; pay for it out "
+        "of a tank"
+    ),
     "jump of H_d between states": "H_d jumps: gains or a goal that switch, a term behind an if",
     "balance of H_d along runs": "H_d jumps within a run: gains or a goal that switch",
     "target's coordinates are others": "coordinates() and target().coordinates differ",
@@ -46,6 +50,8 @@ ADVICE: dict[str, str] = {
         "momentum, do not depend on q̇"
     ),
     "rise of H_d to the calmest state": "calmest_state() is not where H_d is smallest",
+    "rise of H_d by a jump": "jump() changes the law's state: without saying so in jumps, or to one of more energy",
+    "desired posture that is another": "desired_posture() is not target_posture() where the law has just begun",
     "no rest near the goal": "∇H_d vanishes nowhere near rest_posture(): goal and potential do not belong together",
     "motion where it should rest": "the arm moves where ∇H_d = 0: the torque is not what the target says",
     "distance from its goal at rest": "∇H_d vanishes elsewhere than at the goal: the potential is not smallest there",
@@ -60,6 +66,13 @@ ADVICE: dict[str, str] = {
     ),
     "largest real part when it is touched [1/s]": (
         "what f_e drives goes against what it touches, and the linearised loop with a spring there is unstable"
+    ),
+    "largest real part when it is pushed [1/s]": (
+        "a large f_e drives the law otherwise than a small one, and against what it touches: its answer to f_e must "
+        "not turn round, nor grow with the size of f_e"
+    ),
+    "least dissipation with nothing to see [1/s]": (
+        "where nothing is seen the law must brake, and R_d has no damping there"
     ),
 }
 """By the line's name."""

@@ -25,12 +25,19 @@ from phcontrol.analysis.certificate import (
     Check,
 )
 from phcontrol.analysis.continuity import depth_around, jump_at_half_turns, jump_at_switches, largest_jump
+from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.invariance import change_of_drive, change_with_force, change_with_time
 from phcontrol.analysis.matching import StateFigures, described, examine, worst_power, worst_residual
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.ports import calming_gain, passive_port_error, port_error, starting_gain
+from phcontrol.analysis.ports import calming_gain, jumping_gain, passive_port_error, port_error, starting_gain
 from phcontrol.analysis.promised import undetermined
-from phcontrol.analysis.purity import difference_backwards, largest_hidden_need, largest_impurity
+from phcontrol.analysis.purity import (
+    difference_after_marching,
+    difference_backwards,
+    largest_hidden_need,
+    largest_impurity,
+)
+from phcontrol.analysis.pushed_loop import fastest_when_pushed
 from phcontrol.analysis.rest_point import (
     ENVIRONMENT_FREQUENCIES,
     MARGINAL,
@@ -55,6 +62,7 @@ from phcontrol.simulation.simulation_error import SimulationError
 
 SAMPLES = 256
 """How many states a certificate looks at by default."""
+_LATE = 20.0  # spans of a law that changes with time: what it tends to must be at rest too
 FEW = 16
 """Below so many no runs are made: such a certificate is for a quick look."""
 
@@ -140,7 +148,9 @@ class _Examination:
                 units = NaturalUnits.of(acting, self._plant, time)
                 rests += [find_rest(acting, self._plant, units, *where) for where in _places(acting, self._plant, time)]
             states = self._draw(rests[0])
-            for checks in (self._matching(states, rests[0]), self._contract(states), self._rest(rests)):
+            for checks in (
+                self._matching(states, rests), self._contract(states), self._rest(rests), self._pushed(rests)
+            ):  # fmt: skip
                 for check in checks:  # one by one: those before an error are kept
                     self._checks.append(check)
             conditions = _conditions(law, log)
@@ -177,8 +187,8 @@ class _Examination:
         self._drawn = len(states)
         return states
 
-    def _matching(self, states: list[SampledState], rest: RestPoint) -> Iterator[Check]:
-        law, plant = self._law, self._plant
+    def _matching(self, states: list[SampledState], rests: list[RestPoint]) -> Iterator[Check]:
+        law, plant, rest = self._law, self._plant, rests[0]
         followed: list[SampledState] = []
         logs: list[Log] = []
         broken = None
@@ -207,6 +217,9 @@ class _Examination:
         if broken is not None:
             raise broken
         yield Check.at_most(GROWTH, growth.value, MATCHING_TOLERANCE, growth.where)
+        if law.time_span:
+            aging = worst_power(looked_at, figures, [each.aging for each in figures], -math.inf)
+            yield Check.at_most("growth of H_d with time alone", aging.value, MATCHING_TOLERANCE, aging.where)
         jump, where = largest_jump(law, plant, states)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
         self._switching = jump_at_switches(law, plant, states)
@@ -223,20 +236,38 @@ class _Examination:
             losses = [each.idleness if here else math.inf for each, here in zip(figures, moving, strict=True)]
             idle = _largest(looked_at, [-each for each in losses], -math.inf)
             yield Check.more_than("least dissipation in motion [1/s]", -idle.value, IDLE, idle.where)
+        blind = [isinstance(state.scene, EmptyScene) for state in looked_at]
+        if any(blind):
+            losses = [each.idleness if here else math.inf for each, here in zip(figures, blind, strict=True)]
+            idle = _largest(looked_at, [-each for each in losses], -math.inf)
+            yield Check.more_than("least dissipation with nothing to see [1/s]", -idle.value, IDLE, idle.where)
         energy = [each.stored for each in figures]
         usual = float(np.quantile(np.abs(energy), 0.75))
-        if not law.time_span and not rest.in_contact and not law.driven_by:  # figures[0] is the rest point
-            deeper = _largest(looked_at, [(energy[0] - each) / max(usual, 1e-300) for each in energy])
-            if law.active(0.0) is law:
-                below = depth_around(law, plant, self._units, rest) / max(usual, 1e-300)
-                deeper = deeper if deeper.value >= below else Worst(below, "rest beside the goal")
-            yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
-            if not law.lacks_minimum:
-                start = self._start_energy(looked_at[0]) / max(usual, 1e-300)
-                yield Check.at_most("energy of the law's initial state", start, MATCHING_TOLERANCE)
+        if not rest.in_contact and not law.driven_by:
+            yield from self._depth(looked_at, energy, usual, rests)
         started = starting_gain(law, plant, states, usual)
         yield Check.at_most("energy that it starts with", started.value, MATCHING_TOLERANCE, started.where)
         yield from self._drive(looked_at, figures)
+
+    def _depth(
+        self, states: list[SampledState], energy: list[float], usual: float, rests: list[RestPoint]
+    ) -> Iterator[Check]:
+        """Yield whether H_d is lower elsewhere than where the law rests: of all states, and about each rest point."""
+        law, changes = self._law, bool(self._law.time_span)
+        unit = max(usual, 1e-300)
+        # energy[0] is that of the rest point, of a law that does not change
+        deeper = Worst(0.0, "") if changes else _largest(states, [(energy[0] - each) / unit for each in energy])
+        for rest in rests if changes else rests[:1]:
+            acting = law.active(rest.time)
+            if acting is law or changes:
+                below = depth_around(acting, self._plant, self._units, rest) / unit
+                deeper = (
+                    deeper if deeper.value >= below else Worst(below, f"rest beside the goal, t = {rest.time:.4g} s")
+                )
+        yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
+        if not law.lacks_minimum and not changes:
+            start = self._start_energy(states[0]) / unit
+            yield Check.at_most("energy of the law's initial state", start, MATCHING_TOLERANCE)
 
     def _start_energy(self, rest: SampledState) -> float:
         """Return by how much H_d is higher at the law's rest with its initial state than with that of the rest [J]."""
@@ -267,6 +298,7 @@ class _Examination:
         if self._samples >= FEW:
             scene = law.rest_scene(law.system.at(law.rest_posture(0.0)))
             backwards = difference_backwards(law, plant, fine_motion(law, plant, self._units, self._rest_point, scene))
+            backwards = max(backwards, difference_after_marching(law, plant, states[-1]))
             yield Check.at_most("command that remembers the motion", backwards, PURITY_TOLERANCE)
         for name, figure in (
             ("change by what is not needed", largest_hidden_need),
@@ -279,6 +311,7 @@ class _Examination:
             ("output of f_e that is no velocity", port_error),
             ("passive port that is another", passive_port_error),
             ("rise of H_d to the calmest state", calming_gain),
+            ("rise of H_d by a jump", jumping_gain),
         ):
             value, where = figure(law, plant, states)
             yield Check.at_most(name, value, MATCHING_TOLERANCE, where)
@@ -293,6 +326,19 @@ class _Examination:
                     worst[check.name] = check
         yield from worst.values()
 
+    def _pushed(self, rests: list[RestPoint]) -> Iterator[Check]:
+        """Yield what a law that f_e drives does under large forces, with what it touches."""
+        found = Worst(-math.inf, "")
+        for rest in rests:
+            law = self._law.active(rest.time)
+            if rest.touched or not _felt(law):
+                continue
+            springs = ENVIRONMENT_FREQUENCIES if rest.in_contact else TOUCH_FREQUENCIES
+            worst = fastest_when_pushed(law, self._plant, NaturalUnits.of(law, self._plant, rest.time), rest, springs)
+            found = worst if worst.value > found.value else found
+        if found.where:
+            yield Check.at_most("largest real part when it is pushed [1/s]", found.value, 0.0, found.where)
+
     def _at_rest(self, rest: RestPoint) -> Iterator[Check]:
         law = self._law.active(rest.time)
         if rest.touched:
@@ -306,6 +352,10 @@ class _Examination:
         if goal is not None:
             away = float(np.abs(self._plant.robot.difference(rest.position, goal)).max())
             yield Check.at_most("distance from its goal at rest", away, MATCHING_TOLERANCE, place)
+        desired = law.desired_posture(rest.time, law.initial_state(self._plant.at(rest.position)))
+        if goal is not None and desired is not None:
+            apart = float(np.abs(self._plant.robot.difference(desired, goal)).max())
+            yield Check.at_most("desired posture that is another", apart, MATCHING_TOLERANCE, place)
         if not law.lacks_minimum:
             yield Check.more_than("smallest curvature of H_d at rest", rest.curvature, CURVATURE_TOLERANCE, place)
             yield Check.at_most("rest in contact only", float(rest.in_contact), 0.0)
@@ -329,10 +379,10 @@ class _Examination:
 
 
 def _times(law: Controller) -> tuple[float, ...]:
-    """Return when a law's rest is looked at: at the start of each phase; of a law that changes, along its span."""
+    """Return when a law's rest is looked at: at the start of each phase; of a law that changes, also later."""
     if len(law.phases) > 1 or not law.time_span:
         return law.phases
-    times = tuple(share * law.time_span for share in (0.0, 0.5, 1.0))
+    times = tuple(share * law.time_span for share in (0.0, 0.5, 1.0, _LATE))
     return tuple(time for time in times if not _led_by_posture(law, time)) or times[:1]
 
 
@@ -350,8 +400,13 @@ def _places(law: Controller, plant: MechanicalSystem, time: float) -> list[tuple
     """
     if law.rest_force(plant.at(law.rest_posture(time))) is not None:
         return [(time, frequency) for frequency in ENVIRONMENT_FREQUENCIES]
-    touches = TOUCH_FREQUENCIES if law.driven_by and not {"external_force", "total_force"}.isdisjoint(law.needs) else ()
+    touches = TOUCH_FREQUENCIES if _felt(law) else ()
     return [(time,), *((time, frequency, True) for frequency in touches)]
+
+
+def _felt(law: Controller) -> bool:
+    """Return whether f_e may drive a law."""
+    return bool(law.driven_by) and not {"external_force", "total_force"}.isdisjoint(law.needs)
 
 
 def _largest(states: list[SampledState], values: list[float], lowest: float = 0.0) -> Worst:

@@ -65,6 +65,10 @@ class Flow:
         """Return H_d ``shift`` seconds along the flow [J]."""
         return self.seen(shift).stored()
 
+    def aging(self, stretch: float = 1.0) -> float:
+        """Return ∂H_d/∂t at the same coordinates [W], by differences like those of ``derivative``."""
+        return self.start.aging(stretch * self._unit)
+
     def derivative(self, function: Callable[[float], Any], stretch: float = 1.0) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""
         return central_difference(function, stretch * self._unit)

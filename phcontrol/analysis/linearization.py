@@ -16,7 +16,8 @@ from phcontrol.analysis.equilibrium import rest_condition
 from phcontrol.analysis.loop_differences import best_jacobian, differenced_loop
 from phcontrol.analysis.modes import Mode, modes_of
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.rest_point import find_rest, spectrum_of
+from phcontrol.analysis.neighbourhood import spectrum_of
+from phcontrol.analysis.rest_point import find_rest
 from phcontrol.analysis.sampled_loop import SampledLoop, longest_stable_period, sampled_matrices, state_space
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen

@@ -43,9 +43,11 @@ class StateFigures(NamedTuple):
     coordinates: Array
     """|x| per row."""
     slope_error: float
-    """|Ḣ_d − ∇H_dᵀẋ| [W]."""
+    """|Ḣ_d − ∇H_dᵀẋ − ∂H_d/∂t| [W], the last at the same coordinates."""
     growth: float
     """Ḣ_d − ∇H_dᵀ(port f_e + drive) [W]: what the storage function gains by itself."""
+    aging: float
+    """∂H_d/∂t at the same coordinates [W]: what it gains by the clock alone, of a law that changes with time."""
     power: float
     """Sum of the absolute terms of ∇H_dᵀẋ [W]."""
     skewness: float
@@ -78,15 +80,19 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
     terms = np.abs(target.J - target.R) @ np.abs(target.gradient) + np.abs(target.port) @ np.abs(at.force)
     terms += np.abs(driven)
     residual, rate, slope_error = np.full(promised.shape, np.inf), promised, np.inf
-    storage_rate, power = 0.0, 0.0
+    storage_rate, power, aging = 0.0, 0.0, 0.0
+    ages = False  # looked at where H_d does not follow its gradient without it
     for stretch in _STRETCHES:
         actual = flow.derivative(flow.coordinates, stretch)
         residual = np.fmin(residual, np.abs(actual - promised))
         slope = float(flow.derivative(flow.storage, stretch))
         products = target.gradient * actual
         error = abs(slope - float(products.sum()))
+        ages = ages or bool(law.time_span and error > _CLOSE_ENOUGH * np.abs(products).sum())
+        by_clock = flow.aging(stretch) if ages else 0.0
+        error = abs(slope - float(products.sum()) - by_clock)
         if not error >= slope_error:
-            slope_error, storage_rate, rate = error, slope, actual
+            slope_error, storage_rate, rate, aging = error, slope, actual, by_clock
             power = float(np.abs(products).sum())
         if (residual <= _CLOSE_ENOUGH * terms).all() and slope_error <= _CLOSE_ENOUGH * power:
             break
@@ -99,6 +105,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         coordinates=np.abs(target.coordinates),
         slope_error=slope_error,
         growth=storage_rate - supplied,
+        aging=aging,
         power=power + abs(supplied),
         skewness=_skewness(target.J, target.R),
         indefiniteness=indefiniteness(target.R),

@@ -40,6 +40,16 @@ def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     return Worst.of((_calming_gain(Seen.of(law, plant, at)), at.stratum) for at in some(states, _MANY, plant.n))
 
 
+def jumping_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
+    """Return by how much ``jump`` raises H_d, relative to H_d, and of a law that does not say it ``jumps``, any change.
+
+    A state that jumps is energy that nobody supplied.
+    """
+    if not law.state_size:
+        return Worst(0.0, "")
+    return Worst.of((_jumping_gain(Seen.of(law, plant, at)), at.stratum) for at in states)
+
+
 def starting_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState], usual: float) -> Worst:
     """Return by how much H_d is higher with the law's initial state than with a state of 0, over what it usually is.
 
@@ -102,3 +112,14 @@ def _calming_gain(seen: Seen) -> float:
     calmest = seen.law.calmest_state(seen.at.time, seen.view, seen.at.state)
     before, after = seen.stored(), seen.elsewhere(state=calmest).stored()
     return (after - before) / max(abs(before), abs(after), 1e-300)
+
+
+def _jumping_gain(seen: Seen) -> float:
+    law, at = seen.law, seen.at
+    after = law.jump(at.time, seen.view, at.state, seen.measured)
+    if np.array_equal(after, at.state):
+        return 0.0
+    if not law.jumps:
+        return np.inf
+    before = seen.stored()
+    return (seen.elsewhere(state=after).stored() - before) / max(abs(before), 1e-300)

@@ -19,6 +19,7 @@ from phcontrol.sensors.measured import Measured
 
 _STATES = 12  # that are asked again
 _CALLS = 1000  # in between
+_PERIOD, _MARCH, _KEPT = 1e-3, 3001, 50  # of a loop [s], how many of them a law is asked through, which are compared
 _SHIFT = 1e-9  # of a time that is close to another [s]
 _SEEN = np.array([1e-3, -2e-3, 3e-3])  # features that a law is shown that does not need them [m]
 
@@ -68,6 +69,22 @@ def difference_backwards(law: Controller, plant: MechanicalSystem, motion: Seque
     forwards = [_ask(question) for question in questions]
     backwards = [_ask(question) for question in reversed(questions)][::-1]
     return max((largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True)), default=0.0)
+
+
+def difference_after_marching(law: Controller, plant: MechanicalSystem, at: SampledState) -> float:
+    """Return by how much commands while the clock runs for seconds, as in a loop, differ when asked for backwards.
+
+    A memory that wakes up after hundreds of periods shows. The arm stands meanwhile.
+    """
+    seen = Seen.of(law, plant, _guarded(at))
+    times = at.time + _PERIOD * np.arange(_MARCH if law.eyes is None else _MARCH // 10)
+
+    def ask(time: float) -> list[Array]:
+        return _copies(law.evaluate(float(time), seen.view, at.state, seen.measured))
+
+    forwards = [ask(time) for time in times][::_KEPT]
+    backwards = [ask(time) for time in times[::_KEPT][::-1]][::-1]
+    return max(largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True))
 
 
 def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:

@@ -6,23 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import eig
 
-from phcontrol._differences import central_difference, jacobian
+from phcontrol._differences import jacobian
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.sampled_state import SampledState
-from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.neighbourhood import DEPENDENT, STEPS, Neighbourhood, spectrum_of
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
-_STEPS = (1e-4, 1e-5, 1e-6)  # of the finite differences, in natural units; for each column the best is taken
-_REFERENCE_STEP = 1e-3  # over which q̈_ref is taken of q̇_ref [s]
 _BEND = 1e-3  # of second differences, in natural units
-_ACCURATE = 1e-7  # of the largest entry: an error below which no other step is tried
 _ITERATIONS = 30
 _SMALLEST_STEP = 1e-2  # in natural units, to which a step that leads away is halved
-_DEPENDENT = 1e-9  # smallest singular value of normalised columns, below which one depends on the others
 _FOUND = 1e-8  # of what a natural unit away changes
 _EXACT = 1e-12  # the same, of a zero that cannot be bettered
 _DIRECTIONS, _PROBE = 3, 0.01  # in which and how far away that is looked at
@@ -90,11 +84,22 @@ def find_rest(
     gives each joint a natural frequency [rad/s], and rests where the closed loop's rate is 0, or its reference's.
     ``touched`` gives it to a law that rests in free motion too: it is at ease at the rest posture.
     """
-    return _Neighbourhood(law, plant, units, time, frequency, touched).rest()
+    return _Resting(law, plant, units, time, frequency, touched).rest()
 
 
-class _Neighbourhood:
-    """The closed loop as a function of y = (q, q̇, controller state) at one time."""
+def touched_spring(law: Controller, plant: MechanicalSystem, time: float, frequency: float) -> Array:
+    """Return a spring that gives each joint a frequency [rad/s] where a law rests, and what it is meant to press on.
+
+    A stiffness of the joints, shape (n, n) [N·m/rad].
+    """
+    x = plant.at(law.rest_posture(time))
+    spring: Array = np.diag(frequency**2 * np.diag(x.mass_matrix))
+    surface = None if law.rest_force(x) is None else law.contact_stiffness(x)
+    return spring if surface is None else spring + surface
+
+
+class _Resting:
+    """The search for a law's rest point at one time."""
 
     def __init__(
         self,
@@ -105,88 +110,31 @@ class _Neighbourhood:
         frequency: float,
         touched: bool,
     ) -> None:
-        self._law, self._plant, self._time, self._n = law, plant, time, plant.n
-        posture = np.array(law.rest_posture(time))
-        x = plant.at(posture)
+        x = plant.at(np.array(law.rest_posture(time)))
         desired = law.rest_force(x)
-        self._posture = posture
-        self._rest_force = np.zeros(self._n) if desired is None else desired
-        inertia = np.diag(x.mass_matrix)
-        self._free = desired is None
-        self._spring: Array | None = None if self._free and not touched else np.diag(frequency**2 * inertia)
-        surface = None if desired is None else law.contact_stiffness(x)
-        if self._spring is not None and surface is not None:
-            self._spring = self._spring + surface
-        self._scene = law.rest_scene(law.system.at(posture))
-        self._units = units.motion
-        self._start = np.concatenate([posture, np.zeros(self._n), law.initial_state(x)])
+        self._law, self._n, self._units = law, plant.n, units.motion
+        self._free, self._touched = desired is None, touched
+        force = np.zeros(plant.n) if desired is None else desired
+        spring = touched_spring(law, plant, time, frequency) if touched or desired is not None else None
+        self._around = Neighbourhood(law, plant, units, time, force, spring)
+        self._start = np.concatenate([x.position, np.zeros(plant.n), law.initial_state(x)])
 
     def rest(self) -> RestPoint:
-        free = self._free
-        y, found = self._root(self._gradient if free else self._drift)
+        free, around = self._free, self._around
+        y, found = self._root(around.gradient if free else around.drift)
         self._bent = False
         if free and not found:  # coordinates that are more than they need: ∇H_d is zero only along what moves
-            y, found = self._root(self._rate)
-            found = found and self._left(self._pulled, y, self._pulled(y)) <= _FOUND
+            y, found = self._root(around.rate)
+            found = found and self._left(around.pulled, y, around.pulled(y)) <= _FOUND
             self._bent = found
         n, law = self._n, self._law
-        unrest = 0.0 if law.time_span else self._left(self._rate, y, self._rate(y))
-        values, uncertainty = spectrum_of(*self._linearised(y))
+        unrest = 0.0 if law.time_span else self._left(around.rate, y, around.rate(y))
+        values, uncertainty = spectrum_of(*around.linearised(y))
         curvature = self._curvature(y) if found and not law.lacks_minimum else np.nan
         return RestPoint(
-            self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), not free,
-            free and self._spring is not None, found, unrest, curvature, values, uncertainty,
+            around.time, y[:n], y[n : 2 * n], y[2 * n :], around.force(y[:n]), not free,
+            free and self._touched, found, unrest, curvature, values, uncertainty,
         )  # fmt: skip
-
-    # --- what is looked at ------------------------------------------------------------------------------
-
-    def _force(self, position: Array) -> Array:
-        if self._spring is None:
-            return self._rest_force
-        away: Array = position - self._posture
-        return self._rest_force - self._spring @ away
-
-    def _seen(self, y: Array) -> Seen:
-        """Return the law at y, under the force that the environment exerts there."""
-        n = self._n
-        at = SampledState(self._time, y[:n], y[n : 2 * n], y[2 * n :], self._force(y[:n]), self._scene, "")
-        return Seen.of(self._law, self._plant, at)
-
-    def _rate(self, y: Array) -> Array:
-        """Return ẏ of the true closed loop."""
-        return self._seen(y).rate(self._plant)
-
-    def _drift(self, y: Array) -> Array:
-        """Return ẏ less what a reference moves with, (q̇_ref, q̈_ref, 0): zero where the arm goes along with it."""
-        rate, law, n = self._rate(y), self._law, self._n
-        if not law.time_span:
-            return rate
-
-        def reference(step: float) -> Array:
-            x = law.system.at(y[:n] + step * y[n : 2 * n], y[n : 2 * n])
-            return law.reference_velocity(self._time + step, x)
-
-        rate[:n] -= reference(0.0)
-        rate[n : 2 * n] -= central_difference(reference, _REFERENCE_STEP)
-        return rate
-
-    def _gradient(self, y: Array) -> Array:
-        """Return ∇H_d with respect to the target's coordinates."""
-        return self._seen(y).promise().gradient
-
-    def _pulled(self, y: Array) -> Array:
-        """Return ∇H_d with respect to y."""
-        J, _ = jacobian(self._coordinates, y, self._units, _STEPS[0])
-        pulled: Array = J.T @ self._gradient(y)
-        return pulled
-
-    def _stored(self, y: Array) -> float:
-        return self._seen(y).stored()
-
-    def _coordinates(self, y: Array) -> Array:
-        return self._seen(y).coordinates()
-
-    # --- what is found ----------------------------------------------------------------------------------
 
     def _root(self, function: Callable[[Array], Array]) -> tuple[Array, bool]:
         """Return a zero of a function near the rest posture, and whether it is one.
@@ -204,7 +152,7 @@ class _Neighbourhood:
                 nearer, smallest, best = left < 0.5 * smallest, left, y
                 if left <= _EXACT or (left <= _FOUND and not nearer):  # no nearer any more
                     break
-                slope, _ = jacobian(function, y, self._units, _STEPS[0])
+                slope, _ = jacobian(function, y, self._units, STEPS[0])
                 step = self._units * np.linalg.lstsq(slope * self._units, value, rcond=1e-12)[0]
             elif smallest <= _FOUND or (np.abs(step) <= _SMALLEST_STEP * self._units).all():
                 break
@@ -222,41 +170,6 @@ class _Neighbourhood:
         unit = np.max([np.abs(function(y + sign * self._units) - value) for sign in signs], axis=0) / _PROBE
         return float((np.abs(value) / np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))).max())
 
-    def _linearised(self, y: Array) -> tuple[Array, Array]:
-        """Return S⁻¹(∂ẏ/∂y)S and the error of its entries, column by column that of the best step.
-
-        The columns of S are directions in which one of the target's coordinates changes, a natural unit far: there
-        large gains do not drown slow modes. Any regular S gives the same eigenvalues.
-        """
-        S = self._directions(y)
-
-        def rate(shift: Array) -> Array:
-            found: Array = np.asarray(np.linalg.solve(S, self._rate(y + S @ shift)), dtype=float)
-            return found
-
-        here, ones = np.zeros(len(y)), np.ones(len(y))
-        best, error = jacobian(rate, here, ones, _STEPS[0])
-        for step in _STEPS[1:]:
-            if error.max() <= _ACCURATE * np.abs(best).max():
-                break
-            now, difference = jacobian(rate, here, ones, step)
-            nearer = difference.max(axis=0) < error.max(axis=0)
-            best, error = np.where(nearer, now, best), np.where(nearer, difference, error)
-        return best, error
-
-    def _directions(self, y: Array) -> Array:
-        """Return S, shape (len(y), len(y)); natural units of y where the coordinates are not as many or dependent."""
-        slope = jacobian(self._coordinates, y, self._units, _STEPS[0])[0]
-        size = np.abs(slope * self._units).max(axis=1, initial=0.0)
-        if slope.shape != (len(y), len(y)) or not (size > 0.0).all():
-            return np.diag(self._units)
-        scaled = slope * self._units / size[:, None]
-        if np.linalg.svd(scaled / np.linalg.norm(scaled, axis=0), compute_uv=False)[-1] < _DEPENDENT:
-            return np.diag(self._units)
-        directions = np.linalg.inv(scaled)
-        S: Array = self._units[:, None] * directions / np.abs(directions).max(axis=0)
-        return S
-
     def _curvature(self, y: Array) -> float:
         """Return the smallest eigenvalue of H_xx, the Hessian of H_d in the target's coordinates, scaled.
 
@@ -264,10 +177,10 @@ class _Neighbourhood:
         """
         if self._bent:
             return _smallest_scaled(self._second_differences(y))
-        J = jacobian(self._coordinates, y, self._units, _STEPS[0])[0] * self._units
-        bent = jacobian(self._gradient, y, self._units, _STEPS[0])[0] * self._units
+        J = jacobian(self._around.coordinates, y, self._units, STEPS[0])[0] * self._units
+        bent = jacobian(self._around.gradient, y, self._units, STEPS[0])[0] * self._units
         lengths = np.linalg.norm(J, axis=0)
-        if not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < _DEPENDENT:
+        if not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < DEPENDENT:
             return 0.0  # H_d does not know everything that moves
         if J.shape[0] == J.shape[1]:
             hessian = np.linalg.solve(J.T, bent.T).T
@@ -278,13 +191,13 @@ class _Neighbourhood:
 
     def _second_differences(self, y: Array) -> Array:
         """Return the Hessian of H_d in y, in natural units."""
-        steps, here, size = _BEND * np.diag(self._units), self._stored(y), len(y)
-        ahead = [self._stored(y + step) for step in steps]
-        behind = [self._stored(y - step) for step in steps]
+        steps, here, size = _BEND * np.diag(self._units), self._around.stored(y), len(y)
+        ahead = [self._around.stored(y + step) for step in steps]
+        behind = [self._around.stored(y - step) for step in steps]
         hessian = np.diag([a - 2.0 * here + b for a, b in zip(ahead, behind, strict=True)])
         for i in range(size):
             for j in range(i):
-                both = self._stored(y + steps[i] + steps[j]) + self._stored(y - steps[i] - steps[j])
+                both = self._around.stored(y + steps[i] + steps[j]) + self._around.stored(y - steps[i] - steps[j])
                 hessian[i, j] = hessian[j, i] = 0.5 * (both + 2.0 * here - ahead[i] - behind[i] - ahead[j] - behind[j])
         result: Array = hessian / _BEND**2
         return result
@@ -297,14 +210,3 @@ def _smallest_scaled(hessian: Array) -> float:
     if not (root > 0.0).all():
         return 0.0
     return float(np.linalg.eigvalsh(hessian / np.outer(root, root))[0])
-
-
-def spectrum_of(A: Array, error: Array) -> tuple[Array, Array]:
-    """Return eigenvalues and how uncertain each is to first order, |wᴴ||E||v| / |wᴴv| with E the entries' errors."""
-    if not np.isfinite(A).all():
-        return np.array([np.inf]), np.zeros(1)
-    rounding = 1e-14 * np.abs(A).max()
-    values, left, right = eig(A, left=True, right=True)
-    weight = np.abs(np.sum(left.conj() * right, axis=0))
-    noise = np.einsum("ik,ij,jk->k", np.abs(left), error + rounding, np.abs(right))
-    return values, noise / np.maximum(weight, 1e-12)

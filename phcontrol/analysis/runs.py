@@ -8,9 +8,11 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.certificate import RUN_TOLERANCE
+from phcontrol.analysis.flow import STEP
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.state_sampler import FIRST_TIME
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import ObjectLostError
@@ -110,23 +112,41 @@ def _run(
 
 
 def balance_error(log: Log, law: Controller, units: NaturalUnits) -> float:
-    """Return the largest |ΔH_d − ∫(supplied − dissipated)dt| over two steps, relative to what flows and changes.
+    """Return the largest |ΔH_d − ∫(supplied − dissipated + ∂H_d/∂t)dt| over two steps, over what flows and changes.
 
-    The integral is Simpson's; a jump of H_d shows whole. Up to where a continuous joint is half a turn from its goal,
+    The integral is Simpson's; a jump of H_d shows whole. ∂H_d/∂t, of a law that changes with time, is looked at where
+    the rest does not balance without it. Up to where a continuous joint is half a turn from its goal,
     where its error wraps.
     """
     robot, goal = law.system.robot, law.rest_posture(float(log.time[0]))
     wraps = np.logical_and(np.abs(log.position - goal) > _HALF_TURN, robot.continuous)
     end = int(np.argmax(wraps.any(axis=1))) if wraps.any() else len(log)
-    power, stored = (log.supplied_power - log.dissipated_power)[:end], log.storage[:end]
     if end <= _LEAST:
         return 0.0
+    error = _imbalance(log, (log.supplied_power - log.dissipated_power)[:end], units)
+    if law.time_span and error > RUN_TOLERANCE:
+        aging = np.array([_aging(log, law, k) for k in range(end)])
+        error = _imbalance(log, (log.supplied_power - log.dissipated_power)[:end] + aging, units)
+    return error
+
+
+def _imbalance(log: Log, power: Array, units: NaturalUnits) -> float:
+    """Return the largest |ΔH_d − ∫power dt| over two steps, over what flows and changes."""
+    end = len(power)
+    stored = log.storage[:end]
     step = float(log.time[1] - log.time[0])
     work = step / 3.0 * (power[:-2] + 4.0 * power[1:-1] + power[2:])
     error = np.abs(stored[2:] - stored[:-2] - work)
-    flow = (np.abs(log.supplied_power) + np.abs(log.dissipated_power))[:end]
+    flow = np.abs(log.supplied_power[:end]) + np.abs(log.dissipated_power[:end])
     floor = _LITTLE * float((units.force * units.position).max())
     return float(error.max() / max(float(np.ptp(stored)), 2.0 * step * float(flow.max()), floor))
+
+
+def _aging(log: Log, law: Controller, k: int) -> float:
+    """Return ∂H_d/∂t at a sample [W]."""
+    time = max(float(log.time[k]), 2.0 * STEP)
+    at = SampledState(time, log.position[k], log.velocity[k], log.controller_state[k], np.zeros(law.system.n), None, "")
+    return Seen(law, at, log.true_measurement(k)).aging(STEP)
 
 
 def fine_motion(

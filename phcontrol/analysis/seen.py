@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from phcontrol._differences import central_difference
 from phcontrol._validation import Array, number
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
@@ -53,6 +54,20 @@ class Seen:
         """Return H_d [J]. Raises InvalidArgumentError unless it is a finite number."""
         value = self.law.storage(self.at.time, self.view, self.at.state, self.measured)
         return number("storage", stored(value))
+
+    def aging(self, step: float) -> float:
+        """Return ∂H_d/∂t at the same coordinates [W]: what H_d gains by the clock alone.
+
+        That is its rate while the clock runs and arm, law and measurements stand, less ∇H_dᵀ times that of the
+        coordinates. The differences take a step of time [s].
+        """
+
+        def there(shift: float) -> Array:
+            later = self.elsewhere(time=self.at.time + shift)
+            return np.concatenate([[later.stored()], later.coordinates()])
+
+        rates = central_difference(there, step)
+        return float(rates[0] - self.promise().gradient @ rates[1:])
 
     def coordinates(self) -> Array:
         """Return the target's coordinates."""

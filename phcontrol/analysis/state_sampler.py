@@ -9,10 +9,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from phcontrol._validation import Array, number
+from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.thin_states import ThinStates
 from phcontrol.controllers.controller import Controller
+from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.vision.scene import Scene
@@ -35,7 +38,11 @@ _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
 _THIN = 4  # a quarter as many states are added on thin sets
 _EVEN = ("at limits", "anywhere", "beyond limits", "speeds")  # strata with a sequence of their own
-_ALONE = 0.25  # of the vectors have one entry alone
+_TOGETHER = 0.93  # of the sizes, above which all joints are on a limit
+_ALONE, _SOME = 0.25, 0.4  # of the vectors have one entry alone, and one or a few
+_LARGEST = 0.6  # entries of a direction that are above this are some
+_CALM = 0.25  # of the choices of a controller state, up to which, from 0.2, it is the calmest one
+_UNSEEN = 0.1  # of the states of a law with eyes there is nothing to see
 
 
 class StateSampler:
@@ -44,13 +51,15 @@ class StateSampler:
     Every field is drawn by itself from its own strata, so that all combinations occur:
 
     - positions: the law's goal itself, within 1e-6 to 1 rad of it, about home and the way from there to the goal, on
-      the joint limits and a little to either side of them, anywhere within them, and beyond (several turns of a
-      continuous joint);
+      the joint limits and a little to either side of them, anywhere within them (all joints alike, too), and beyond
+      (several turns of a continuous joint);
     - velocities: rest, the reference's own, 1e-6 to once the velocity limits away from either, up to twice the limits,
       and up to 10 rad/s or more;
-    - states of the controller: zero, 1e-6 to 30 natural units, one entry alone;
+    - states of the controller: zero, the calmest one, 1e-6 to 30 natural units, one entry alone;
     - external forces: zero or the one under which the law rests, tiny to twice the motors' limits away from either, on
       one joint alone, or a force on the tool, in any direction, upright or level;
+    - what is seen: an object as the law's ``random_scene`` draws it, or nothing (features that are NaN), where the law
+      does not refuse that by ObjectLostError;
     - times: the start and the whole of each phase of the law (a minute if it does not change), and later ones: up to
       1e5 s, or 200 times its span.
 
@@ -134,6 +143,9 @@ class StateSampler:
         position, where = self._position(kinds[1], sizes[1], time, along, aside, across)
         velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
         state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, LARGEST_STATE, "controller state")
+        if state.size and 0.2 <= kinds[3] < _CALM:  # where filters lead it to
+            moving = self._law.system.at(position, velocity)
+            state, how_charged = np.array(self._law.calmest_state(time, moving, state)), "calmest controller state"
         force, how_pushed = _drawn(kinds[4], sizes[4], forces, self._units.force, 2.0, "f_e")
         if kinds[4] > 0.85:
             force = self._on_tool(position, force, sizes[5] * 6.0 if kinds[4] > 0.91 else None)
@@ -141,7 +153,17 @@ class StateSampler:
             force, how_pushed = force + self._rest_force, how_pushed and "f_e as at rest"
         scene = self._look(position, 1.0 if kinds[5] < 0.5 else _log_uniform(sizes[5], CLOSEST, 1.0))
         stratum = ", ".join(word for word in (where, how_fast, how_charged, how_pushed) if word)
-        return SampledState(time, position, velocity, state, force, scene, stratum)
+        at = SampledState(time, position, velocity, state, force, scene, stratum)
+        return at if scene is None or self._generator.uniform() >= _UNSEEN else self._blind(at)
+
+    def _blind(self, at: SampledState) -> SampledState:
+        """Return a state with nothing to see, or as it is where the law refuses that."""
+        blind = at._replace(scene=EmptyScene(), stratum=f"{at.stratum}, nothing to see".removeprefix(", "))
+        try:
+            Seen.of(self._law, self._plant, blind).command()
+        except ObjectLostError:
+            return at
+        return blind
 
     def _time(self, kind: float, size: float) -> float:
         """Return a time: the start of a phase, within a phase, or any, on a logarithmic scale."""
@@ -184,8 +206,10 @@ class StateSampler:
         if kind < 0.6:
             between = low + (high - low) * next(self._even["at limits"])
             return self._at_limits(between, size, aside, across), "at joint limits"
-        if kind < 0.9:
+        if kind < 0.88:
             return low + (high - low) * next(self._even["anywhere"]), ""
+        if kind < 0.9:
+            return low + (high - low) * size, "all joints alike"
         beyond = np.where(robot.continuous, _TURNS * 2.0 * np.pi * unit, _BEYOND * (high - low))
         return low - beyond + (high - low + 2.0 * beyond) * next(self._even["beyond limits"]), "beyond joint limits"
 
@@ -209,6 +233,9 @@ class StateSampler:
     def _at_limits(self, anywhere: Array, size: float, aside: Array, across: Array) -> Array:
         """Return positions with about half the joints on a limit, or close to it on either side."""
         robot = self._plant.robot
+        if size > _TOGETHER:  # all of them, on the same side
+            low, high = _range(robot)
+            return high if aside[0] < 0.5 else low
         share = 0.15 + 0.7 * size
         moved = (aside < share) & np.isfinite(robot.lower) & np.isfinite(robot.upper)
         # within a joint's own draw: which limit, which side of it, how far
@@ -275,13 +302,15 @@ def _drawn(kind: float, size: float, u: Array, unit: Array, largest: float, name
 
 
 def _thinned(direction: Array, choice: float, others: Array | None = None) -> Array:
-    """Return the direction with one entry alone, or, given ``others``, with some of them, else as it is."""
+    """Return the direction with one entry alone, with some (those of ``others``, or the largest), or as it is."""
     if choice < _ALONE:
         alone = np.zeros(direction.size)
         entry = min(int(choice / _ALONE * direction.size), direction.size - 1)
         alone[entry] = direction[entry]
         return alone
-    return direction if others is None else np.where(others < 0.4, direction, 0.0)
+    if others is not None:
+        return np.where(others < 0.4, direction, 0.0)
+    return np.where(np.abs(direction) > _LARGEST, direction, 0.0) if choice < _SOME else direction
 
 
 def _range(robot: Robot) -> tuple[Array, Array]:

@@ -99,6 +99,7 @@ class ShapedLaw(Controller):
         self.potential: Potential = self.shaped()
         """Ψ."""
         self.potential.check(self.system)
+        self.potential.check_posture(self.system)
         self._found: dict[float, Array] = {}
         if self._path is not None and self._path.frame not in self.potential.follows:
             raise InvalidArgumentError(
@@ -195,10 +196,14 @@ class ShapedLaw(Controller):
         return 0.0 if self.reference is None else max(self.reference.duration, 1e-3)
 
     def target_posture(self, t: float) -> Array | None:
-        """Return q_d at time t [s]; None where the potential does not tell one posture."""
+        """Return q_d at time t [s]: the law's goal, or the potential's posture where it tells one; else None."""
         if self._trajectory is not None:
             return self._trajectory.at(t).position
-        return self._posture if self.reference is None else None
+        if self.reference is not None:
+            return None
+        goal: Any = getattr(self, "goal", None)  # of a law on a frame it is a pose
+        given = isinstance(goal, np.ndarray) and goal.shape == (self.system.n,)
+        return goal if given else self._posture
 
     @lazy
     def _posture(self) -> Array | None:

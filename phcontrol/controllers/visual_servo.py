@@ -204,7 +204,7 @@ class VisualServo(Controller):
         """Draw an object in view, up to 27° from the axis, half to twice as far away as at the goal.
 
         With a smaller ``spread`` its features are closer to the goal. A law that holds when it sees nothing is now and
-        then shown an object behind the camera.
+        then shown an object behind the camera, or beside the image of one that has an edge.
         """
         reach = [min(0.5 * self._focal_length, half) for half in self.camera.half_size]
         drawn = np.array(
@@ -212,7 +212,11 @@ class VisualServo(Controller):
         )  # fmt: skip
         drawn[2] = self.goal[2] * math.exp(generator.uniform(-math.log(2.0), math.log(2.0)))
         if self.lost == "hold" and generator.uniform() < 0.125:
-            drawn[2] = -drawn[2]
+            half = np.array(self.camera.half_size)
+            if np.isfinite(half).all() and generator.uniform() < 0.5:
+                drawn[:2] = np.where(drawn[:2] < 0.0, -1.0, 1.0) * half * generator.uniform(1.5, 3.0)
+            else:
+                drawn[2] = -drawn[2]
             return self._object_seen_as(x, drawn)
         return self._object_seen_as(x, self.goal + spread * (drawn - self.goal))
 

@@ -17,6 +17,7 @@ Goal: TypeAlias = "Array | Pose"
 """Where a moving reference is: joint positions, shape (n,) [rad], or the pose of a frame (``Pose`` or pin.SE3)."""
 
 _NEWTON_STEPS, _LONGEST_STEP = 60, 0.5  # [rad]
+_BESIDE, _LEVEL = 0.1, 1e-6  # of its posture [rad], and of the gradient there: what may be left of one at its posture
 _POSTURES = 4  # at which the directions that are held are counted
 
 
@@ -47,6 +48,18 @@ class Potential(ABC):
     def check(self, system: MechanicalSystem) -> None:
         """Raise InvalidArgumentError or UnknownNameError when it does not fit this arm. By default all fit."""
         return
+
+    def check_posture(self, system: MechanicalSystem) -> None:
+        """Raise InvalidArgumentError when it says that it is smallest at a posture, and it has a slope there."""
+        if self.posture is None:
+            return
+        there, beside = (np.abs(self.gradient(system.at(self.posture + way))).max() for way in (0.0, _BESIDE))
+        if there > _LEVEL * beside:
+            raise InvalidArgumentError(
+                "potential",
+                f"says that it is smallest at {np.array2string(self.posture, precision=4)}, but there its gradient is "
+                f"up to {there:.3g} N·m: {self!r} must have its minimum where posture says",
+            )
 
     @abstractmethod
     def energy(self, x: MechanicalState, goal: Goal | None = None) -> float:
@@ -196,6 +209,11 @@ class Sum(Potential):
         """Raise InvalidArgumentError or UnknownNameError when a term does not fit this arm."""
         for term in self.potentials:
             term.check(system)
+
+    def check_posture(self, system: MechanicalSystem) -> None:
+        """Raise InvalidArgumentError when a term has a slope where it says that it is smallest; the sum may."""
+        for term in self.potentials:
+            term.check_posture(system)
 
     def energy(self, x: MechanicalState, goal: Goal | None = None) -> float:
         """Return Σ Ψ_i [J]."""

@@ -49,8 +49,8 @@ from mutation_source import (
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = (
-    "analysis", "cli", "controllers", "environments", "mechanics", "runs", "runtime", "safety", "sensors", "simulation",
-    "thesis", "top", "trajectories", "vision", "visualization",
+    "analysis", "cli", "compilation", "controllers", "environments", "mechanics", "potentials", "runs", "runtime",
+    "safety", "sensors", "setpoints", "simulation", "tanks", "thesis", "top", "trajectories", "vision", "visualization",
 )  # fmt: skip
 MAP = ROOT / "results" / "mutation" / "map.json"
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
