@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.safety.quadratic_program import UNBOUNDED, Problem, QuadraticProgram
+from phcontrol.safety.problem import UNBOUNDED, Problem
+from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
 _INSISTENCE = 1e4  # weight of the excess against the distance from the preferred point
 
@@ -18,11 +19,12 @@ class LeastExcess:
 
     Args:
         n: number of unknowns z and of rows of length one.
+        solver: that is asked first.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, solver: SolverName = "daqp") -> None:
         self._n = n
-        self._program = QuadraticProgram(2 * n, n)
+        self._program = QuadraticProgram(2 * n, n, solver)
         self._hessian = np.diag(np.concatenate([np.ones(n), np.full(n, _INSISTENCE)]))
         self._gradient, self._box = np.zeros(2 * n), np.full(2 * n, UNBOUNDED)
         self._rows = np.hstack([np.zeros((n, n)), np.eye(n)])

@@ -20,7 +20,8 @@ from phcontrol.safety.friction_prediction import ROOM, FrictionPrediction
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import UNBOUNDED, Problem
+from phcontrol.safety.problem import UNBOUNDED, Problem
+from phcontrol.safety.quadratic_program import SolverName
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
 
@@ -133,6 +134,8 @@ class TorqueFilter:
         metric: W: "effort" for the torques relative to their limits, "inertia" for M⁻¹ (nearest acceleration),
             or a positive-definite matrix.
         storage: False to leave out the storage condition.
+        solver: that is asked first, "daqp" (a dual active-set method) or "proxqp" (a proximal method); the other one
+            solves again what does not pass the check.
     """
 
     def __init__(
@@ -143,6 +146,7 @@ class TorqueFilter:
         limits: Limits | None = None,
         metric: Literal["effort", "inertia"] | ArrayLike = "effort",
         storage: bool = True,
+        solver: SolverName = "daqp",
     ) -> None:
         check_system(system)
         self.system = system
@@ -171,7 +175,7 @@ class TorqueFilter:
         else:
             self._metric = np.array(gain("metric", metric, n))
         self._inverse_input = None if system.input_matrix is None else np.linalg.inv(system.input_matrix)
-        self._program, self._least_excess = TorqueProgram(n), LeastExcess(n)
+        self._program, self._least_excess = TorqueProgram(n, solver), LeastExcess(n, solver)
         self._identity = np.eye(n)
         self._is_separable = self._metric is None and not self._inertial
         self.reset()

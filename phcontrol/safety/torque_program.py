@@ -9,7 +9,8 @@ import numpy as np
 from phcontrol._validation import Array
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.problem import Problem
+from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
 _MOST_TANGENTS = 8
@@ -28,15 +29,16 @@ class TorqueProgram:
 
     Args:
         n: number of unknowns; as many rows C.
+        solver: that is asked first.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, solver: SolverName = "daqp") -> None:
         self._n = n
         self.rows = np.zeros((n + 1, n))
         """C, to be written before each solution, and a row for the tangent."""
         self.lower, self.upper = np.zeros(n + 1), np.zeros(n + 1)
         self._identity = np.eye(n)
-        self._bounded, self._free = QuadraticProgram(n, n + 1), QuadraticProgram(n, n)
+        self._bounded, self._free = QuadraticProgram(n, n + 1, solver), QuadraticProgram(n, n, solver)
         self.reset()
 
     def reset(self) -> None:

@@ -11,7 +11,7 @@ from daqp import solve as daqp_solve
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phcontrol.safety.quadratic_program import Problem
+from phcontrol.safety.problem import Problem
 
 IMPLEMENTATIONS = {"numpy": importlib.import_module("phcontrol.safety._numpy")}
 with contextlib.suppress(ImportError):  # where no compiler was at hand

@@ -20,7 +20,8 @@ from phcontrol import (
 )
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.problem import Problem
+from phcontrol.safety.quadratic_program import QuadraticProgram
 from phcontrol.safety.storage_condition import StorageCondition
 from tests.conftest import make_system
 from tests.safety.random_cases import run
