@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.safety import kernels
 from phcontrol.safety.problem import UNBOUNDED, Problem
 from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
@@ -39,12 +40,7 @@ class LeastExcess:
         self._rows[:, :n] = rows
         np.negative(preferred, out=self._gradient[:n])
         self._box[:n] = highest
-        beyond = np.abs(rows).dot(highest)
-        beyond += 1.0
-        lower, upper = np.minimum(lower, beyond), np.maximum(upper, -beyond)
+        lower, upper, feasible = kernels.elastic_bounds(rows, lower, upper, highest, preferred)
         problem = Problem(self._hessian, self._gradient, self._rows, lower, upper, -self._box, self._box)
-        z = np.minimum(np.maximum(preferred, -highest), highest)
-        reached = rows.dot(z)
-        feasible = np.concatenate([z, np.minimum(np.maximum(reached, lower), upper) - reached])
         answer = self._program.solve(problem, feasible)
         return None if answer is None else answer[:n]

@@ -56,7 +56,10 @@ class Problem(NamedTuple):
 
     def accepts(self, z: Array, multipliers: Array) -> bool:
         """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
-        stationary, complementary = self.residuals(z, multipliers)
+        return self.are_small(*self.residuals(z, multipliers), multipliers)
+
+    def are_small(self, stationary: float, complementary: float, multipliers: Array) -> bool:
+        """Whether residuals are those of an optimum; never true of NaN."""
         if not complementary <= ACCEPTED:
             return False
         if stationary <= ACCEPTED:

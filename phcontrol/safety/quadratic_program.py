@@ -19,6 +19,8 @@ SOLVERS: dict[SolverName, type[DaqpSolver] | type[ProxqpSolver]] = {"daqp": Daqp
 """By name, the default first."""
 
 _MOST_CORRECTIONS = 6
+_FEW_CORRECTIONS = 3  # of the last answer, before a solver is asked
+_EXACT = 1e-13  # residuals of an answer that cannot be made better
 _MOST_STEPS = 100  # of the active-set method from a feasible point
 _AT_REST = 1e-12  # of a step, in scaled units
 
@@ -43,8 +45,8 @@ class Solver(Protocol):
 class QuadraticProgram:
     """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
 
-    Mostly the constraints that were active last are active again: then one set of equations gives the optimum, and
-    no solver is asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
+    Mostly the constraints that were active last are active again, but for a few: then a set of equations or two give the
+    optimum, and no solver is asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
     ``ACCEPTED``. Where a solver's is not that exact, the equations of the constraints that it found active are solved
     directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); where
     that fails too, the other solver is asked, and then a primal active-set method goes on from a feasible point, if one
@@ -80,7 +82,7 @@ class QuadraticProgram:
             problem: what to solve.
             feasible: a z that meets all constraints, if one is known, for where the solvers fail.
         """
-        answer = None if self._last is None else self._with_the_same_constraints(problem, *self._last)
+        answer = None if self._last is None else self._from_the_last(problem, *self._last)
         if answer is not None:
             return answer
         for solver in self._solvers:
@@ -105,7 +107,11 @@ class QuadraticProgram:
 
     def _settled(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
-        solved = kernels.active_set_step(*problem, x, multipliers) or (x, multipliers)
+        renewed = kernels.active_set_step(*problem, x, multipliers)
+        if renewed is not None and max(renewed[3:]) <= _EXACT:
+            self._last = renewed[:2]
+            return renewed[2]
+        solved = (x, multipliers) if renewed is None else renewed[:2]
         for step in (_touching(problem, *solved), solved, (x, multipliers)):
             answer = self._believed(problem, step)
             if answer is not None:
@@ -119,10 +125,17 @@ class QuadraticProgram:
             self._last = step
         return answer
 
-    def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
-        """Return the optimum if the constraints that were active last are so again; None otherwise."""
-        step = kernels.active_set_step(*problem, x, multipliers)
-        return None if step is None else self._believed(problem, step)
+    def _from_the_last(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
+        """Return the optimum if the constraints that were active last are so again, but for a few; None otherwise."""
+        for _ in range(_FEW_CORRECTIONS):
+            step = kernels.active_set_step(*problem, x, multipliers)
+            if step is None:
+                return None
+            x, multipliers, z, stationary, complementary = step
+            if problem.are_small(stationary, complementary, multipliers):
+                self._last = x, multipliers
+                return z
+        return None
 
     def _from_feasible(self, problem: Problem, z: Array) -> Array | None:
         """Return the optimum by a primal active-set method from a feasible z; None when that does not get there.
@@ -165,9 +178,8 @@ class QuadraticProgram:
     def _corrected(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
         for _ in range(_MOST_CORRECTIONS):
-            x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
-                problem, x, multipliers
-            )
+            step = kernels.active_set_step(*problem, x, multipliers)
+            x, multipliers = _least_squares_step(problem, x, multipliers) if step is None else step[:2]
             answer = self._believed(problem, (x, multipliers))
             if answer is not None:
                 return answer
