@@ -20,7 +20,7 @@ SOLVERS: dict[SolverName, type[DaqpSolver] | type[ProxqpSolver]] = {"daqp": Daqp
 
 _MOST_CORRECTIONS = 6
 _FEW_CORRECTIONS = 3  # of the last answer, before a solver is asked
-_EXACT = 1e-13  # residuals of an answer that cannot be made better
+_TOUCHING = 1e-13  # by which an answer may miss its active constraints without being moved onto them
 _MOST_STEPS = 100  # of the active-set method from a feasible point
 _AT_REST = 1e-12  # of a step, in scaled units
 
@@ -108,7 +108,7 @@ class QuadraticProgram:
     def _settled(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
         renewed = kernels.active_set_step(*problem, x, multipliers)
-        if renewed is not None and max(renewed[3:]) <= _EXACT:
+        if renewed is not None and renewed[4] <= _TOUCHING and problem.are_small(*renewed[3:], renewed[1]):
             self._last = renewed[:2]
             return renewed[2]
         solved = (x, multipliers) if renewed is None else renewed[:2]
