@@ -295,6 +295,8 @@ def predicted_motion(
         factor = np.linalg.cholesky(inertia)
     except np.linalg.LinAlgError as error:
         raise ArithmeticError("the inertia must be positive definite") from error
+    if not np.isfinite(factor).all():
+        raise ArithmeticError("the inertia must be positive definite")
     inverse = np.linalg.inv(factor)
     return inertia, period * inverse.T.dot(inverse), -force if external is None else external - force
 

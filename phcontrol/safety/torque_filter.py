@@ -58,6 +58,10 @@ class _Motion(NamedTuple):
     effect: Array
     """∂v⁺/∂u = h(M + hθF_v)⁻¹G."""
 
+    def next_velocity(self, torque: Array) -> Array:
+        """Return v⁺ under a torque [rad/s]."""
+        return kernels.moved(self.drift, self.effect, torque)
+
 
 class _Bounds(NamedTuple):
     """Between which velocities the arm must be after a period, each a lowest and a highest one [rad/s]."""
@@ -216,7 +220,7 @@ class TorqueFilter:
         nearest, unchanged = kernels.nearest_torque(torque, box.low, box.high)
         motion = self._motion(x, external_force)
         bounds = self._bounds(x, motion)
-        velocity = kernels.moved(motion.drift, motion.effect, nearest)
+        velocity = motion.next_velocity(nearest)
         condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
         if (
             (unchanged or self._is_separable)
@@ -340,7 +344,7 @@ class TorqueFilter:
 
         def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
             torque = box.torque(feasible if answer is None else answer)
-            reached, growth = kernels.moved(drift, effect, torque), 0.0
+            reached, growth = motion.next_velocity(torque), 0.0
             if condition is not None:
                 growth = max(0.0, condition.power(torque - desired, reached - x.velocity) - allowed)
             return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds.predicted), growth)
@@ -348,7 +352,7 @@ class TorqueFilter:
         if condition is None:
             found = result(*program.solve(problem, feasible))
         else:
-            allowed = condition.allowed(kernels.moved(drift, effect, desired) - x.velocity)
+            allowed = condition.allowed(motion.next_velocity(desired) - x.velocity)
             without = None if program.is_constrained else result(*program.solve(problem, feasible))
             if without is None or without.storage_excess > 0.0:
                 change, kick = nearest - desired, velocity - x.velocity
@@ -360,7 +364,7 @@ class TorqueFilter:
         self.counts[found.status] += 1
         if self._dry is None or not found.motion_excess > ROOM:
             return found
-        reached = kernels.moved(drift, effect, found.torque)
+        reached = motion.next_velocity(found.torque)
         excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess)
         return found._replace(motion_excess=excess)
 
