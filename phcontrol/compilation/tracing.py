@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
+from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
 
@@ -23,7 +23,8 @@ _MISSING = object()
 
 def is_law_module(name: str) -> bool:
     """Whether a module of phcontrol is one that laws are made of."""
-    return name.startswith(tuple(f"{_OWN}{place}." for place in _PLACES)) and not name.endswith("_lapack")
+    places = tuple(f"{_OWN}{place}." for place in _PLACES)
+    return (name.startswith(places) and not name.endswith("_lapack")) or name == f"{_OWN}_smooth"
 
 
 @contextmanager
@@ -45,8 +46,9 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                     if stand_in is not None:
                         before.append((space, name, value))
                         space[name] = stand_in
-                before.append((space, "float", space.get("float", _MISSING)))
-                space["float"] = FLOAT
+                for name, stand_in in BUILT_IN.items():
+                    before.append((space, name, space.get(name, _MISSING)))
+                    space[name] = stand_in
             TRACING.add(threading.get_ident())
             REFUSALS.clear()
             plain_terms()

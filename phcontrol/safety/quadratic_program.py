@@ -45,13 +45,13 @@ class Solver(Protocol):
 class QuadraticProgram:
     """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
 
-    Mostly the constraints that were active last are active again, but for a few: then a set of equations or two give the
-    optimum, and no solver is asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
-    ``ACCEPTED``. Where a solver's is not that exact, the equations of the constraints that it found active are solved
-    directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); where
-    that fails too, the other solver is asked, and then a primal active-set method goes on from a feasible point, if one
-    is known. All results are checked likewise. That no point meets the constraints is believed of a solver that says
-    so only where none is known: then the answer is None too.
+    Mostly the constraints that were active last are active again, but for a few: then a set of equations or two give
+    the optimum, and no solver is asked. An answer counts only if the residuals of the optimality conditions, computed
+    here, are below ``ACCEPTED``. Where a solver's is not that exact, the equations of the constraints that it found
+    active are solved directly, the active constraints are corrected by that solution, and so on (a primal-dual
+    active-set method); where that fails too, the other solver is asked, and then a primal active-set method goes on
+    from a feasible point, if one is known. All results are checked likewise. That no point meets the constraints is
+    believed of a solver that says so only where none is known: then the answer is None too.
 
     Args:
         n: number of unknowns.

@@ -9,8 +9,8 @@ import numpy as np
 from phcontrol._validation import Array
 from phcontrol.safety import kernels
 from phcontrol.safety.filter_status import FilterStatus
-from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.problem import Problem
+from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met

@@ -372,12 +372,12 @@ def test_a_bent_objective_and_the_parabola_that_bends_it(kernels, seed, with_hes
     def left_side(y):
         return 0.3 + slope @ (y - centre) + 0.5 * (y - centre) @ K @ (y - centre)
 
-    for given in (None, slope):
-        hessian, gradient = kernels.bent(problem.hessian, problem.gradient, weight, K, z, given)
+    for added in (None, slope):
+        hessian, gradient = kernels.bent(problem.hessian, problem.gradient, weight, K, z, added)
         ys = rng.normal(size=(3, n))
         values = [
             0.5 * y @ hessian @ y + gradient @ y - distance(y) - weight * 0.5 * (y - z) @ K @ (y - z)
-            - (0.0 if given is None else weight * slope @ y)
+            - (0.0 if added is None else weight * slope @ y)
             for y in ys
         ]  # fmt: skip
         np.testing.assert_allclose(values, values[0], rtol=1e-9, atol=1e-9)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from phcontrol import FilterStatus
-from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.problem import Problem
+from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.quadratic_program import QuadraticProgram
 from phcontrol.safety.torque_program import TorqueProgram
 
