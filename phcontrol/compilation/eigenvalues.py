@@ -17,6 +17,8 @@ _SWEEPS = {2: 1, 3: 5, 4: 6, 5: 6, 6: 6}
 """Times that all pairs are turned, by the size of the matrix: at 6000 postures of Panda and UR5 one less leaves 4e-13."""
 LEFT = 1e-13
 """Of the diagonal, what may be left beside it: eigenvalues are then true to its square."""
+_MORE = 3  # sweeps in C, which ends when nothing is left to turn
+_LEAST = 1e-34  # the square of an entry, of the product of those on the diagonal, below which it counts as 0
 _TINY = 1e-300  # under a root, so that what is not turned is not divided by 0
 
 
@@ -169,7 +171,7 @@ def _either(condition: Any, yes: list[Any], no: list[Any]) -> list[Any]:
 
 
 def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
-    """Return a C function ``name(given, out)`` that decomposes matrices of n rows, and how many operations it does.
+    """Return a C function ``name(given, out)`` that decomposes matrices of n rows, and its operations at most.
 
     Args:
         name: of the function.
@@ -177,36 +179,61 @@ def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
         literal: writes a number as C.
         suffix: of the functions of <math.h>.
     """
-    pairs = [pair for group in _rounds(n) for pair in group]
-    table = ", ".join(f"{{{p}, {q}}}" for p, q in pairs)
-    one, four, tiny = literal(1.0), literal(4.0), literal(_TINY)
+    rounds, half, most = _rounds(n), n // 2, _SWEEPS[n] + _MORE
+    table = ", ".join("{" + ", ".join(f"{{{p}, {q}}}" for p, q in pairs) + "}" for pairs in rounds)
+    one, four, tiny, least = literal(1.0), literal(4.0), literal(_TINY), literal(_LEAST)
     text = f"""static void {name}(const real *given, real *out) {{
-  static const unsigned char pairs[{len(pairs)}][2] = {{{table}}};
+  static const unsigned char pairs[{len(rounds)}][{half}][2] = {{{table}}};
   real A[{n}][{n}], V[{n}][{n}], left = 0, size = 0;
-  int i, j, k, pair, sweep;
+  int i, j, k, turn, sweep, busy = 1;
   for (i = 0; i < {n}; i++) {{
     for (j = 0; j <= i; j++) A[i][j] = A[j][i] = *given++;
     for (j = 0; j < {n}; j++) V[i][j] = (real)(i == j);
   }}
-  for (sweep = 0; sweep < {_SWEEPS[n]}; sweep++)
-    for (pair = 0; pair < {len(pairs)}; pair++) {{
-      const int p = pairs[pair][0], q = pairs[pair][1];
-      const real a = A[q][p], d = A[q][q] - A[p][p];
-      const real root = sqrt{suffix}(d * d + {four} * (a * a) + {tiny});
-      const real tangent = (a + a) / (d + copysign{suffix}(root, d));
-      const real cosine = {one} / sqrt{suffix}({one} + tangent * tangent), sine = tangent * cosine;
-      for (k = 0; k < {n}; k++) {{
-        const real x = A[p][k], y = A[q][k], v = V[p][k], w = V[q][k];
-        A[p][k] = cosine * x - sine * y;
-        A[q][k] = sine * x + cosine * y;
-        V[p][k] = cosine * v - sine * w;
-        V[q][k] = sine * v + cosine * w;
+  for (sweep = 0; busy && sweep < {most}; sweep++) {{
+    busy = 0;
+    for (turn = 0; turn < {len(rounds)}; turn++) {{
+      real cosine[{half}], sine[{half}], first[{half}], second[{half}];
+      int turned[{half}];
+      for (i = 0; i < {half}; i++) {{ /* pairs that do not touch each other */
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        const real a = A[q][p], f = A[p][p], g = A[q][q], d = g - f;
+        turned[i] = !(a * a <= {least} * fabs{suffix}(f * g)); /* smaller ones change nothing, and cost time */
+        if (!turned[i]) continue;
+        busy = 1;
+        const real root = sqrt{suffix}(d * d + {four} * (a * a) + {tiny});
+        const real tangent = (a + a) / (d + copysign{suffix}(root, d));
+        cosine[i] = {one} / sqrt{suffix}({one} + tangent * tangent);
+        sine[i] = tangent * cosine[i];
+        first[i] = f - tangent * a;
+        second[i] = g + tangent * a;
       }}
-      for (k = 0; k < {n}; k++) A[k][p] = A[p][k], A[k][q] = A[q][k];
-      A[p][p] = @P@;
-      A[q][q] = @Q@;
-      A[p][q] = A[q][p] = 0;
+      for (i = 0; i < {half}; i++) {{
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        if (!turned[i]) continue;
+        for (k = 0; k < {n}; k++) {{
+          const real x = A[p][k], y = A[q][k], v = V[p][k], w = V[q][k];
+          A[p][k] = cosine[i] * x - sine[i] * y;
+          A[q][k] = sine[i] * x + cosine[i] * y;
+          V[p][k] = cosine[i] * v - sine[i] * w;
+          V[q][k] = sine[i] * v + cosine[i] * w;
+        }}
+      }}
+      for (k = 0; k < {n}; k++)
+        for (i = 0; i < {half}; i++) {{
+          const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+          if (!turned[i]) continue;
+          const real x = A[k][p], y = A[k][q];
+          A[k][p] = cosine[i] * x - sine[i] * y;
+          A[k][q] = sine[i] * x + cosine[i] * y;
+        }}
+      for (i = 0; i < {half}; i++) {{
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        if (turned[i]) A[p][p] = first[i], A[q][q] = second[i];
+        A[p][q] = A[q][p] = 0;
+      }}
     }}
+  }}
   for (i = 0; i < {n}; i++) {{
     out[i] = A[i][i];
     size += A[i][i] * A[i][i];
@@ -228,6 +255,4 @@ def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
   out[{n + n * n}] = left / (size + {tiny});
 }}
 """
-    text = text.replace("const real a = A[q][p], d = A[q][q] - A[p][p];", "const real a = A[q][p], f = A[p][p], g = A[q][q], d = g - f;")
-    text = text.replace("@P@", "f - tangent * a").replace("@Q@", "g + tangent * a")
-    return text, _SWEEPS[n] * len(pairs) * (16 + 12 * n) + n * (n + 4)
+    return text, most * len(rounds) * half * (16 + 18 * n) + n * (n + 4)

@@ -67,8 +67,6 @@ class SingularDamping:
 
     def _surely_far(self, square: Array) -> bool:
         """Whether a bound that needs no eigenvalues says that σ > ε: mostly it is enough."""
-        if square.dtype == object:  # symbols, of which eigenvalues are taken in any case
-            return False
         if len(square) == 3:  # the smallest eigenvalue of a positive definite matrix is at least 4 det / trace²
             (a, b, c), (_, d, e), (_, _, f) = square.tolist()
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
