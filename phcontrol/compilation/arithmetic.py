@@ -277,6 +277,7 @@ _with_plain(math, _MATH)
 _with_plain(kernels, _KERNELS)
 _with_plain(lapack, _LAPACK)
 
+
 def _checked(plain: Callable[..., Any]) -> Callable[..., Any]:
     """Return a check of arguments that lets symbols pass: the numbers that they stand for were checked."""
 
@@ -288,7 +289,6 @@ def _checked(plain: Callable[..., Any]) -> Callable[..., Any]:
 
 
 STAND_INS: list[tuple[Any, Any]] = [
-    *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector, _validation.gain)),
     (np, _StandIn(np, _NUMPY)),
     (math, _StandIn(math, _MATH)),
     (lapack, _StandIn(lapack, _LAPACK)),
@@ -296,6 +296,7 @@ STAND_INS: list[tuple[Any, Any]] = [
     *((getattr(kernels, name), function) for name, function in _KERNELS.items()),
     *((getattr(lapack, name), function) for name, function in _LAPACK.items()),
     *((getattr(math, name), function) for name, function in _MATH.items()),
+    *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector, _validation.gain)),
 ]
 """What a module holds, and what stands in for it while its law is traced."""
 

@@ -143,11 +143,17 @@ class _Calls:
 
     def ordered(self, lines: list[str]) -> list[str]:
         """Return lines with the calls among them, each after what it needs, and as late as it can be."""
-        made = {line.partition(" = ")[0].removeprefix("const real "): line for line in lines if line.startswith("const")}
+        made = {
+            line.partition(" = ")[0].removeprefix("const real "): line for line in lines if line.startswith("const")
+        }
         for name, block, given in zip(self.names, self._blocks, self._given, strict=True):
             call = f"{self._makers[block.size]}({name}_given, {name});"
-            made[name] = f"real {name}[{block.results.numel()}]; const real {name}_given[] = {{{', '.join(given)}}}; {call}"
-        needs = {name: [word for word in _WORD.findall(line) if word in made and word != name] for name, line in made.items()}
+            made[name] = (
+                f"real {name}[{block.results.numel()}]; const real {name}_given[] = {{{', '.join(given)}}}; {call}"
+            )
+        needs = {
+            name: [word for word in _WORD.findall(line) if word in made and word != name] for name, line in made.items()
+        }
         result: list[str] = []
         done: set[str] = set()
         for line in (line for line in lines if not line.startswith("const")):

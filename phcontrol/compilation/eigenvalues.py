@@ -79,8 +79,7 @@ def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
     guards.blocks.append(block)
     samples = np.array(decomposition(n)(np.array([sample_of(entry) for entry in lower]))).ravel()
     made = [
-        Symbol(one, float(sample), guards)
-        for one, sample in zip(casadi.vertsplit(block.results), samples, strict=True)
+        Symbol(one, float(sample), guards) for one, sample in zip(casadi.vertsplit(block.results), samples, strict=True)
     ]
     guards.bounds.append(made[-1].expression <= LEFT**2)
     columns: SymbolArray = symbols(made[n:-1]).reshape(n, n).T.view(SymbolArray)

@@ -209,8 +209,18 @@ def test_other_threads_get_plain_functions_while_one_traces():
 
     def ask():
         assert threading.get_ident() not in TRACING
-        made = [np_.zeros(2, BUILT_IN["float"]), np_.ones(2, BUILT_IN["float"]), np_.full(2, 3.0), np_.array([1, 2], BUILT_IN["float"]), np_.empty(2)]
-        made += [np_.zeros_like(np.ones(2)), np.asarray([1, 2], dtype=BUILT_IN["float"]), np.ones(2, int).astype(BUILT_IN["float"])]
+        made = [
+            np_.zeros(2, BUILT_IN["float"]),
+            np_.ones(2, BUILT_IN["float"]),
+            np_.full(2, 3.0),
+            np_.array([1, 2], BUILT_IN["float"]),
+            np_.empty(2),
+        ]
+        made += [
+            np_.zeros_like(np.ones(2)),
+            np.asarray([1, 2], dtype=BUILT_IN["float"]),
+            np.ones(2, int).astype(BUILT_IN["float"]),
+        ]
         found.append([type(array) is np.ndarray and array.dtype == np.float64 for array in made])
         found.append([np_.maximum.reduce([1.0, 3.0]) == 3.0, np_.clip(np.ones(2), max=0.5)[0] == 0.5])
         found.append([np_.linalg.norm(np.ones((2, 2)), axis=0).shape == (2,), np_.nan_to_num(np.nan) == 0.0])
