@@ -339,7 +339,7 @@ def test_a_law_that_states_its_promise_alone_is_compiled(shoulder):
     ("law", "words"),
     [
         (Counting, "counting cannot be compiled: it keeps 'calls' between calls"),
-        (Clock, "clock as compiled is refused: it differs from the interpreted law"),
+        (Clock, "clock cannot be compiled: it reads 'time', a clock or a random generator"),
         (Eigenvalues, r"eigenvalues cannot be compiled: eigvalsh .*test_compiled_law.py:\d+, in shape"),
     ],
 )

@@ -63,7 +63,8 @@ def library_of(size, compiler, folder, single=False):
     declared = "real t, const real *q, const real *v, const real *s, const real *m, const real *p, real *out"
     source, target = folder / "f.c", folder / "f.so"
     source.write_text(
-        f"#include <math.h>\ntypedef {real} real;\n{text}\nint g({declared});\nint g({declared}) {{ return f({arguments}); }}\n"
+        f"#include <math.h>\ntypedef {real} real;\n{text}\nint g({declared});\n"
+        f"int g({declared}) {{ return f({arguments}); }}\n"
     )
     compiler.compile(source, target, native=False)
     kind = ctypes.c_float if single else ctypes.c_double
