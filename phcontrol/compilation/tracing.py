@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dis
 import functools
 import sys
 import threading
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
@@ -19,6 +20,9 @@ _PLACES = ("controllers", "potentials", "trajectories", "vision", "mechanics")
 _OWN = "phcontrol."
 _LOCK = threading.RLock()
 _MISSING = object()
+_COMPARISONS = ("IS_OP", "COMPARE_OP", "CONTAINS_OP")
+_NEAR = 7  # instructions
+_IDLE = ("CACHE", "PUSH_NULL", "EXTENDED_ARG", "NOP", "RESUME")
 
 
 def is_law_module(name: str) -> bool:
@@ -47,6 +51,8 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                         before.append((space, name, value))
                         space[name] = stand_in
                 for name, stand_in in BUILT_IN.items():
+                    if name == "float" and compares_float(module):
+                        continue
                     before.append((space, name, space.get(name, _MISSING)))
                     space[name] = stand_in
             TRACING.add(threading.get_ident())
@@ -62,6 +68,44 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                     del space[name]
                 else:
                     space[name] = value
+
+
+@functools.cache
+def compares_float(module: ModuleType) -> bool:
+    """Whether a module asks whether a type is ``float`` itself, or one of some: there that name is left as it is.
+
+    Another thread that runs the same code while a law is traced would get another answer. In such a module
+    ``float(…)`` of what depends on the state is refused.
+    """
+    return any(_compares_float(code) for code in _codes_of(module))
+
+
+def _compares_float(code: CodeType) -> bool:
+    steps = [step for step in dis.get_instructions(code) if step.opname not in _IDLE]
+    for place, step in enumerate(steps):
+        if step.argval != "float" or not step.opname.startswith("LOAD_"):
+            continue
+        if steps[place + 1].opname in _COMPARISONS:
+            return True
+        later = [found.opname for found in steps[place + 1 : place + _NEAR]]
+        if any(name.startswith("BUILD_") for name in later) and "CONTAINS_OP" in later:  # type(x) in (int, float)
+            return True
+    return False
+
+
+def _codes_of(module: ModuleType) -> Iterator[CodeType]:
+    """Yield the code of the functions and classes of a module, and of the functions inside them."""
+    waiting = [thing for thing in vars(module).values() if getattr(thing, "__module__", None) == module.__name__]
+    while waiting:
+        thing = waiting.pop()
+        if isinstance(thing, CodeType):
+            yield thing
+            waiting.extend(part for part in thing.co_consts if isinstance(part, CodeType))
+        elif isinstance(thing, type):
+            waiting.extend(vars(thing).values())
+        else:
+            parts = (getattr(thing, name, None) for name in ("__func__", "fget", "fset", "compute", "__code__"))
+            waiting.extend(part for part in parts if part is not None)
 
 
 def refusal(law: str, error: BaseException) -> NotTraceableError:
