@@ -119,7 +119,7 @@ def test_a_run_that_takes_a_branch_that_is_not_compiled_is_simulated_interpreted
 
 
 def test_a_plant_that_is_wrong_by_one_part_in_a_million_is_refused(monkeypatch):
-    shoulder = make_system("pera_shoulder")  # for which no loop was made before
+    shoulder = make_system("pera_shoulder").twin()  # for which no loop was made before
     right = ArmPosture.inverse_dynamics
 
     def wrong(*arguments):
