@@ -12,8 +12,11 @@ SOURCES = (
     Path("phcontrol", "_lazy_compiled.c"),
     Path("phcontrol", "mechanics", "_compiled.c"),
     Path("phcontrol", "safety", "_compiled.c"),
+    Path("phcontrol", "safety", "_compiled_program.c"),
     Path("phcontrol", "compilation", "_caller.c"),
 )
+
+HEADERS = (Path("phcontrol", "_arrays.h"), Path("phcontrol", "safety", "_vectors.h"))
 
 
 class KernelsHook(BuildHookInterface):
@@ -44,7 +47,7 @@ def compile_extensions(root: Path) -> list[Path]:
         Extension(
             ".".join(source.with_suffix("").parts),
             [str(root / source)],
-            depends=[str(root / "phcontrol" / "_arrays.h")],
+            depends=[str(root / header) for header in HEADERS],
             include_dirs=[numpy.get_include()],
             extra_compile_args=["-O3"],
         )

@@ -35,6 +35,9 @@ BUDGETS = {  # of the ratio to Slotine-Li, by the direct entry
     ("energy_shaping", "coriolis"): 0.2,
     ("reduction_servo", "coriolis"): 0.5,
     ("hamiltonian_servo", "coriolis"): 0.5,
+    ("cartesian_impedance", "coriolis"): 0.5,
+    ("cartesian_impedance_with_tank", "coriolis"): 0.5,
+    ("cartesian_tracking", "coriolis"): 0.5,
     ("hamiltonian_servo", "canonical"): 1.5,
 }
 JOINT_SPACE, CANONICAL, CARTESIAN = 0.3, 0.8, 0.5

@@ -18,7 +18,7 @@ from phcontrol.compilation.caller import CALLER
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.mechanics.kernels import KERNELS
 
-_NEEDED = ("pin", "numpy", "scipy", "proxsuite")
+_NEEDED = ("pin", "numpy", "scipy", "daqp", "proxsuite")
 _OPTIONAL = {  # module: package, extra, what for
     "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
     "control": ("control", "control", "linear loops as control.StateSpace"),

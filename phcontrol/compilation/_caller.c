@@ -18,6 +18,7 @@ typedef struct {
   npy_intp doubles;          /* of working memory */
   double *values;            /* the law's numbers */
   PyObject *fallback, *command, *owner;
+  PyObject *watched; /* (dicts, lists, arrays, others) of watch.py, or NULL */
   unsigned long long steps, fallbacks;
 } Caller;
 
@@ -30,6 +31,85 @@ static int take(PyObject *object, npy_intp n, double *out) {
   read_vector(object, n, out);
   for (npy_intp i = 0; i < n; i++)
     if (!isfinite(out[i])) return 0;
+  return 1;
+}
+
+/* Whether a dict has what it had; the keys are in its order, and there may be others between them. */
+static int dict_is_the_same(PyObject *dict, PyObject *names, PyObject *values) {
+  Py_ssize_t place = 0, next = 0, count = PyTuple_GET_SIZE(names);
+  PyObject *name, *value;
+  while (next < count && PyDict_Next(dict, &place, &name, &value)) {
+    if (name != PyTuple_GET_ITEM(names, next)) continue;
+    if (value != PyTuple_GET_ITEM(values, next)) return 0;
+    next++;
+  }
+  return next == count;
+}
+
+/* Whether a cell, a dict of globals or a class has what it had. */
+static int place_is_the_same(PyObject *where, PyObject *name, PyObject *value) {
+  if (PyCell_Check(where)) return PyCell_GET(where) == value;
+  if (PyDict_Check(where)) {
+    PyObject *found = PyDict_GetItemWithError(where, name);
+    if (found == NULL) PyErr_Clear();
+    return found == value;
+  }
+  PyObject *found = PyObject_GetAttr(where, name);
+  if (found == NULL) PyErr_Clear();
+  Py_XDECREF(found);
+  return found == value;
+}
+
+/* Whether all that is watched is the same, so that what was compiled is what the law is. */
+static int is_as_it_was(PyObject *watched) {
+  if (watched == NULL) return 1;
+  PyObject *parts = PyTuple_GET_ITEM(watched, 0);
+  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
+    PyObject *part = PyList_GET_ITEM(parts, i);
+    if (!dict_is_the_same(PyTuple_GET_ITEM(part, 0), PyTuple_GET_ITEM(part, 1), PyTuple_GET_ITEM(part, 2))) return 0;
+  }
+  parts = PyTuple_GET_ITEM(watched, 1);
+  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
+    PyObject *list = PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 0), *values = PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 1);
+    if (PyList_GET_SIZE(list) != PyTuple_GET_SIZE(values)) return 0;
+    for (Py_ssize_t k = 0; k < PyList_GET_SIZE(list); k++)
+      if (PyList_GET_ITEM(list, k) != PyTuple_GET_ITEM(values, k)) return 0;
+  }
+  parts = PyTuple_GET_ITEM(watched, 2);
+  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
+    PyArrayObject *array = (PyArrayObject *)PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 0);
+    PyArrayObject *copy = (PyArrayObject *)PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 1);
+    if (PyArray_NBYTES(array) != PyArray_NBYTES(copy)) return 0;
+    if (memcmp(PyArray_DATA(array), PyArray_DATA(copy), (size_t)PyArray_NBYTES(copy)) != 0) return 0;
+  }
+  parts = PyTuple_GET_ITEM(watched, 3);
+  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
+    PyObject *part = PyList_GET_ITEM(parts, i);
+    if (!place_is_the_same(PyTuple_GET_ITEM(part, 0), PyTuple_GET_ITEM(part, 1), PyTuple_GET_ITEM(part, 2))) return 0;
+  }
+  return 1;
+}
+
+/* Whether what is to be watched has the shape that is_as_it_was reads without asking. */
+static int can_be_watched(PyObject *watched) {
+  static const Py_ssize_t sizes[] = {3, 2, 2, 3};
+  if (!PyTuple_Check(watched) || PyTuple_GET_SIZE(watched) != 4) return 0;
+  for (int kind = 0; kind < 4; kind++) {
+    PyObject *parts = PyTuple_GET_ITEM(watched, kind);
+    if (!PyList_Check(parts)) return 0;
+    for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
+      PyObject *part = PyList_GET_ITEM(parts, i);
+      if (!PyTuple_Check(part) || PyTuple_GET_SIZE(part) != sizes[kind]) return 0;
+      PyObject *first = PyTuple_GET_ITEM(part, 0), *second = PyTuple_GET_ITEM(part, 1);
+      if (kind == 0 && !(PyDict_Check(first) && PyTuple_Check(second) && PyTuple_Check(PyTuple_GET_ITEM(part, 2)) &&
+                         PyTuple_GET_SIZE(second) == PyTuple_GET_SIZE(PyTuple_GET_ITEM(part, 2))))
+        return 0;
+      if (kind == 1 && !(PyList_Check(first) && PyTuple_Check(second))) return 0;
+      if (kind == 2 && !(PyArray_Check(first) && PyArray_Check(second) && PyArray_ISCONTIGUOUS((PyArrayObject *)first) &&
+                         PyArray_ISCONTIGUOUS((PyArrayObject *)second)))
+        return 0;
+    }
+  }
   return 1;
 }
 
@@ -69,7 +149,7 @@ static PyObject *call(PyObject *object, PyObject *const *arguments, size_t flags
     double *s = workspace_take(&space, self->state);
     double *m = workspace_take(&space, self->measured[0] + self->measured[1] + self->measured[2]);
     double *out = workspace_take(&space, self->joints + self->state), *next = m;
-    int right = isfinite(t) && take(arguments[1], self->joints, q) && take(arguments[2], self->joints, v) &&
+    int right = is_as_it_was(self->watched) && isfinite(t) && take(arguments[1], self->joints, q) && take(arguments[2], self->joints, v) &&
                 take(arguments[3], self->state, s);
     for (int field = 0; right && field < FIELDS; field++) {
       if (self->measured[field] == 0) continue;
@@ -98,6 +178,7 @@ static int traverse(PyObject *object, visitproc visit, void *arg) {
   Py_VISIT(self->fallback);
   Py_VISIT(self->command);
   Py_VISIT(self->owner);
+  Py_VISIT(self->watched);
   return 0;
 }
 
@@ -106,6 +187,7 @@ static int clear(PyObject *object) {
   Py_CLEAR(self->fallback);
   Py_CLEAR(self->command);
   Py_CLEAR(self->owner);
+  Py_CLEAR(self->watched);
   return 0;
 }
 
@@ -117,16 +199,20 @@ static void dealloc(PyObject *object) {
 }
 
 static PyObject *make(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
-  static char *names[] = {"address", "joints", "state", "measured", "numbers", "fallback", "command", "owner", NULL};
+  static char *names[] = {"address", "joints", "state", "measured", "numbers", "fallback", "command", "owner", "watched", NULL};
   unsigned long long address;
   Py_ssize_t joints, state, measured[FIELDS];
-  PyObject *numbers, *fallback, *command, *owner;
-  if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "Knn(nnn)OOO!O", names, &address, &joints, &state, &measured[0],
-                                   &measured[1], &measured[2], &numbers, &fallback, &PyType_Type, &command, &owner))
+  PyObject *numbers, *fallback, *command, *owner, *watched = NULL;
+  if (!PyArg_ParseTupleAndKeywords(arguments, keywords, "Knn(nnn)OOO!O|O", names, &address, &joints, &state, &measured[0],
+                                   &measured[1], &measured[2], &numbers, &fallback, &PyType_Type, &command, &owner, &watched))
     return NULL;
   if (!PyArray_Check(numbers) || PyArray_NDIM((PyArrayObject *)numbers) != 1 ||
       !is_doubles(numbers, 1, PyArray_DIM((PyArrayObject *)numbers, 0), "numbers"))
     return PyErr_Occurred() ? NULL : (PyErr_SetString(PyExc_ValueError, "numbers must be a vector"), NULL);
+  if (watched != NULL && !can_be_watched(watched)) {
+    PyErr_SetString(PyExc_ValueError, "what is watched must be lists of dicts, lists, contiguous arrays and others");
+    return NULL;
+  }
   if (joints < 1 || state < 0 || !PyType_IsSubtype((PyTypeObject *)command, &PyTuple_Type)) {
     PyErr_SetString(PyExc_ValueError, "the layout is wrong");
     return NULL;
@@ -149,6 +235,7 @@ static PyObject *make(PyTypeObject *type, PyObject *arguments, PyObject *keyword
   Py_INCREF(self->fallback = fallback);
   Py_INCREF(self->command = command);
   Py_INCREF(self->owner = owner);
+  Py_XINCREF(self->watched = watched);
   return (PyObject *)self;
 }
 
@@ -173,7 +260,7 @@ static PyTypeObject caller_type = {
     .tp_traverse = traverse,
     .tp_clear = clear,
     .tp_getset = properties,
-    .tp_doc = "Caller(address, joints, state, measured, numbers, fallback, command, owner)\n--\n\n"
+    .tp_doc = "Caller(address, joints, state, measured, numbers, fallback, command, owner, watched)\n--\n\n"
               "Call it with (t, q, v, state, measured); returns the command.",
 };
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.compilation.there import there
 from phcontrol.mechanics import kernels
 
 _VECTOR = ctypes.POINTER(ctypes.c_double)
@@ -29,9 +30,11 @@ class Caller:
         fallback: Callable[..., Any],
         command: Callable[..., Any],
         owner: object,
+        watched: tuple[Any, ...] = ((), (), (), ()),
     ) -> None:
         self._law, self._joints, self._state, self._measured = _LAW(address), joints, state, measured
         self._numbers, self._fallback, self._command, self._owner = numbers.copy(), fallback, command, owner
+        self._watched = watched
         self._steps = self._fallbacks = 0
 
     @property
@@ -43,13 +46,26 @@ class Caller:
         """Return the command."""
         self._steps += 1
         values = self._values(arguments)
-        if values is not None:
+        if values is not None and self._is_as_it_was():
             out = np.empty(self._joints + self._state)
             pointers = [value.ctypes.data_as(_VECTOR) for value in (*values, self._numbers, out)]
             if self._law(arguments[0], *pointers) and np.isfinite(out).all():
                 return self._command(out[: self._joints].copy(), out[self._joints :].copy())
         self._fallbacks += 1
         return self._fallback(*arguments)
+
+    def _is_as_it_was(self) -> bool:
+        """Whether all that is watched is the same; where it is not, the fallback says what."""
+        dicts, lists, arrays, others = self._watched
+        return (
+            all(found.get(name) is value for found, *pairs in dicts for name, value in zip(*pairs, strict=True))
+            and all(
+                len(entries) == len(values) and all(one is other for one, other in zip(entries, values, strict=True))
+                for entries, values in lists
+            )
+            and all(array.tobytes() == copy.tobytes() for array, copy in arrays)
+            and all(there(where, name) is value for where, name, value in others)
+        )
 
     def _values(self, arguments: tuple[Any, ...]) -> list[Array] | None:
         """Return q, v, state and what is measured, copied; None where one is not a plain array of finite numbers."""

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from phcontrol.compilation import linear_algebra
+from phcontrol import _validation
+from phcontrol.compilation import eigenvalues, linear_algebra
 from phcontrol.compilation.symbol import (
     TRACING,
     Symbol,
@@ -264,7 +265,7 @@ _LAPACK: dict[str, Any] = {
     "dgetrs": linear_algebra.dgetrs,
     "dtrtri": linear_algebra.dtrtri,
     "dpotrs": linear_algebra.dpotrs,
-    "dsyev": _refusing(lapack, "dsyev"),
+    "dsyev": eigenvalues.dsyev,
 }
 
 
@@ -279,6 +280,17 @@ _with_plain(math, _MATH)
 _with_plain(kernels, _KERNELS)
 _with_plain(lapack, _LAPACK)
 
+
+def _checked(plain: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a check of arguments that lets symbols pass: the numbers that they stand for were checked."""
+
+    @functools.wraps(plain)
+    def function(name: str, value: Any, *rest: Any, **options: Any) -> Any:
+        return value if is_symbolic(value) else plain(name, value, *rest, **options)
+
+    return function
+
+
 STAND_INS: list[tuple[Any, Any]] = [
     (np, _StandIn(np, _NUMPY)),
     (math, _StandIn(math, _MATH)),
@@ -287,7 +299,22 @@ STAND_INS: list[tuple[Any, Any]] = [
     *((getattr(kernels, name), function) for name, function in _KERNELS.items()),
     *((getattr(lapack, name), function) for name, function in _LAPACK.items()),
     *((getattr(math, name), function) for name, function in _MATH.items()),
+    *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector, _validation.gain)),
 ]
 """What a module holds, and what stands in for it while its law is traced."""
-FLOAT: Any = _Float
-"""Stands in for ``float``."""
+
+
+def _largest(name: str) -> Callable[..., Any]:
+    """Return Python's ``max`` or ``min``, of two numbers no branch where one is a symbol."""
+    plain, found = getattr(builtins, name), {"max": "maximum", "min": "minimum"}[name]
+
+    def function(*arguments: Any, **options: Any) -> Any:
+        if len(arguments) == 2 and not options and any(type(argument) is Symbol for argument in arguments):
+            return larger(found, *arguments)
+        return plain(*arguments, **options)
+
+    return function
+
+
+BUILT_IN: dict[str, Any] = {"float": _Float, "max": _largest("max"), "min": _largest("min")}
+"""Names of Python itself, and what stands in for them."""

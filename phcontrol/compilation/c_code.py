@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import casadi
 
+from phcontrol.compilation.eigenvalues import Eigenvalues, blocks_of, c_text, written_out
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.trace import Trace, TracedLaw
 
@@ -29,6 +32,7 @@ _LANE_UNARY = {
 }  # fmt: skip
 _NAMES = (*_INFIX, *_COMPARE, *_CALLS, *_UNARY, "OP_IF_ELSE_ZERO")
 _OPERATIONS = {getattr(casadi, name): name for name in _NAMES if hasattr(casadi, name)}
+_WORD = re.compile(r"\b[ae]\d+\b")  # a value or a decomposition
 _LARGEST_FLOAT = 3.4028234e38
 _LEAST_SINGLE = 1e-18  # squares of smaller floats lose digits
 
@@ -76,11 +80,16 @@ def function(
     """Return ``static int name(...)``: it fills ``out`` and returns 1, or 0 where a guard does not hold.
 
     Guards come first, so that a way that is not the law's is left early. Every intermediate is a constant of its own:
-    no memory, no loop, no branch but the guards. With ``lanes`` numbers are vectors of several runs, see
-    ``lanes.PRELUDE``, and a mask is returned of those whose guards hold.
+    no memory, no loop, no branch but the guards. Decompositions into eigenvalues are called. With ``lanes`` numbers are
+    vectors of several runs, see ``lanes.PRELUDE``, a mask is returned of those whose guards hold, and decompositions
+    are written out.
     """
     wanted = casadi.vertcat(casadi.SX(0, 1), *guards, *outputs)
-    made = casadi.Function("f", inputs, [casadi.cse(wanted)])
+    wanted = written_out(wanted) if lanes else wanted
+    blocks = blocks_of(wanted)
+    wanted = casadi.vertcat(wanted, *(block.given for block in blocks))
+    made = casadi.Function("f", [*inputs, *(block.results for block in blocks)], [casadi.cse(wanted)])
+    calls = _Calls(name, blocks, len(guards) + len(outputs), single)
     suffix, one = ("f" if single else ""), literal(1.0, single)
     lines: list[str] = []
     looked: set[str] = set()  # conditions, each once
@@ -90,6 +99,8 @@ def function(
         code = made.instruction_id(k)
         if code == casadi.OP_OUTPUT:
             place, value = made.instruction_output(k)[1], names[made.instruction_input(k)[0]]
+            if calls.takes(place, value):
+                continue
             if place < len(guards):
                 line = f"ok &= {value} != 0.0;" if lanes else f"if (!({value} != 0)) return 0;"
                 if line not in looked:
@@ -106,7 +117,7 @@ def function(
             continue
         if code == casadi.OP_INPUT:
             which, place = made.instruction_input(k)
-            names[target] = "t" if which == 0 else f"{INPUTS[which]}[{place}]"
+            names[target] = "t" if which == 0 else f"{[*INPUTS, *calls.names][which]}[{place}]"
             continue
         operands = [names[index] for index in made.instruction_input(k)]
         if lanes:
@@ -121,14 +132,72 @@ def function(
     written = {line.partition("[")[2].partition("]")[0] for line in lines if line.startswith("out[")}
     zero = _of_lanes(literal(0.0, single)) if lanes else literal(0.0, single)
     lines += [f"out[{k}] = {zero};" for k in range(len(outputs)) if str(k) not in written]
-    body = "\n  ".join(lines)
+    body = "\n  ".join(calls.ordered(lines) if blocks else lines)
     arguments = ", ".join(("real t", *(f"const real *{name}" for name in INPUTS[1:]), "real *out"))
     unused = " ".join(f"(void){name};" for name in INPUTS)
     kind, first, last = ("mask", "mask ok = EVERY; ", "ok") if lanes else ("int", "", "1")
+    head = f"{calls.functions}static {kind} {name}({arguments})"
     return Function(
-        f"static {kind} {name}({arguments}) {{\n  {first}{unused} (void)out;\n  {body}\n  return {last};\n}}\n",
-        operations,
+        f"{head} {{\n  {first}{unused} (void)out;\n  {body}\n  return {last};\n}}\n",
+        operations + calls.operations,
     )
+
+
+class _Calls:
+    """The decompositions that a function calls: which values they take, and where the calls go among its lines."""
+
+    def __init__(self, name: str, blocks: Sequence[Eigenvalues], start: int, single: bool) -> None:
+        self._blocks, self._start = blocks, start
+        self.names = [f"e{k}" for k in range(len(blocks))]
+        self._given = [["0"] * block.given.numel() for block in blocks]
+        self._makers = {size: f"{name}_eigenvalues_{size}" for size in sorted({block.size for block in blocks})}
+        self.functions, self.operations = "", 0
+        for size, maker in self._makers.items():
+            text, operations = c_text(maker, size, lambda value: literal(value, single), "f" if single else "")
+            self.functions += text + "\n"
+            self.operations += operations * sum(block.size == size for block in blocks)
+
+    def takes(self, place: int, value: str) -> bool:
+        """Note a value if an output is one that a decomposition takes."""
+        place -= self._start
+        if place < 0:
+            return False
+        for given in self._given:
+            if place < len(given):
+                given[place] = value
+                return True
+            place -= len(given)
+        return True
+
+    def ordered(self, lines: list[str]) -> list[str]:
+        """Return lines with the calls among them, each after what it needs, and as late as it can be."""
+        made = {
+            line.partition(" = ")[0].removeprefix("const real "): line for line in lines if line.startswith("const")
+        }
+        for name, block, given in zip(self.names, self._blocks, self._given, strict=True):
+            call = f"{self._makers[block.size]}({name}_given, {name});"
+            made[name] = (
+                f"real {name}[{block.results.numel()}]; const real {name}_given[] = {{{', '.join(given)}}}; {call}"
+            )
+        needs = {
+            name: [word for word in _WORD.findall(line) if word in made and word != name] for name, line in made.items()
+        }
+        result: list[str] = []
+        done: set[str] = set()
+        for line in (line for line in lines if not line.startswith("const")):
+            waiting = [word for word in _WORD.findall(line) if word in made]
+            while waiting:
+                if waiting[-1] in done:
+                    waiting.pop()
+                    continue
+                missing = [name for name in needs[waiting[-1]] if name not in done]
+                if missing:
+                    waiting.extend(missing)
+                    continue
+                done.add(waiting[-1])
+                result.append(made[waiting.pop()])
+            result.append(line)
+        return result
 
 
 def _expression(code: int, operands: list[str], suffix: str, one: str) -> str:

@@ -57,6 +57,10 @@ class CompilationReport(NamedTuple):
     """The shared object."""
 
 
+class _ChangedError(CompilationError):
+    """A law is not what it was when it was compiled."""
+
+
 class CompiledLaw(Controller):
     """What a compiled law has beside the law that it was made of. Made by :func:`compile_law`.
 
@@ -156,7 +160,9 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
         return controller
     from phcontrol.compilation.c_code import law_source
     from phcontrol.compilation.law_inputs import law_numbers, structure_of
+    from phcontrol.compilation.watch import refuse_clocks_and_dice
 
+    refuse_clocks_and_dice(controller)
     say = _Progress(progress)
     start = time.perf_counter()
     say(f"{controller.name}: tracing")
@@ -169,7 +175,11 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
 
     def loaded(library: Path) -> tuple[CompiledLaw, float, float]:
         made = _made(controller, traced.layout, traced.numbers, library, options)
-        return made, *_checked(made)
+        try:
+            return made, *_checked(made)
+        except _ChangedError as error:
+            message = f"{controller.name} cannot be compiled: it changes while it is evaluated"
+            raise CompilationError(message) from error
 
     library = compiled(source.text, compiler, native=native, accept=loaded)
     compiled_at = time.perf_counter()
@@ -218,8 +228,12 @@ def _trace(law: Controller, inertias: Bodies) -> TracedLaw:
 
 def _made(law: Controller, layout: Layout, numbers: Array, library: Path, options: dict[str, Any]) -> CompiledLaw:
     """Return the compiled law of an interpreted one."""
+    from phcontrol.compilation.law_inputs import structure_of
+    from phcontrol.compilation.watch import Watch
+
     made: CompiledLaw = object.__new__(_class_of(type(law)))
     made.__dict__.update(law.__dict__)
+    watch = Watch(law, made)
     try:
         loaded = ctypes.CDLL(str(library))
         address = ctypes.cast(loaded.phcontrol_law, ctypes.c_void_p).value
@@ -230,16 +244,21 @@ def _made(law: Controller, layout: Layout, numbers: Array, library: Path, option
 
     def slowly(t: Any, q: Any, v: Any = None, state: Any = None, measured: Measured = NOTHING) -> Command:
         """Say what is wrong with the arguments, or ask the interpreted law."""
+        changed = watch.changed()
+        if changed:
+            raise _ChangedError(
+                f"{law.name} was changed after it was compiled ('{changed}' is not what it was): use changed(…), or "
+                "compile it again"
+            )
         own = np.zeros(law.state_size) if state is None else state
         return law.evaluate(float(t), system.at(q, v), own, measured)
-
-    from phcontrol.compilation.law_inputs import structure_of
 
     made.interpreted, made._layout, made._options = law, layout, options
     made._structure = structure_of(law, _bodies(law, options))
     force, total, features = (sizes.get(name, 0) for name in Measured._fields)
     lengths = force, total, features
-    made.step = Caller(address or 0, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded)
+    watched = watch.dicts, watch.lists, watch.arrays, watch.others
+    made.step = Caller(address or 0, layout.joints, layout.state, lengths, numbers, slowly, Command, loaded, watched)
     return made
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
+from phcontrol.compilation.eigenvalues import written_out
 from phcontrol.compilation.errors import CompilationError
 from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
 from phcontrol.compilation.trace import Instant, trace_law
@@ -34,8 +35,8 @@ class Differentiated:
     def __init__(self, inputs: list[Any], parameters: Any, values: Array, guards: list[Any], outputs: list[Any]):
         self._inputs, self._parameters, self._values = inputs, parameters, values
         self._sizes = [entry.numel() for entry in inputs]
-        self._outputs = casadi.vertcat(casadi.SX(0, 1), *outputs)
-        self._guards = casadi.Function("g", [*inputs, parameters], [casadi.vertcat(casadi.SX(1), *guards)])
+        self._outputs = written_out(casadi.vertcat(casadi.SX(0, 1), *outputs))
+        self._guards = casadi.Function("g", [*inputs, parameters], [written_out(casadi.vertcat(casadi.SX(1), *guards))])
 
     def holds(self, inputs: list[Array]) -> bool:
         """Whether the branches are those that are taken at some inputs."""

@@ -15,6 +15,7 @@ from phcontrol._validation import Array
 from phcontrol._version import __version__
 from phcontrol.compilation import export_texts
 from phcontrol.compilation.c_code import Function, function, literal, variant
+from phcontrol.compilation.eigenvalues import written_out
 from phcontrol.compilation.errors import CompilationError
 from phcontrol.compilation.instants import instants
 from phcontrol.compilation.symbol import Guards, Symbol, symbols
@@ -102,7 +103,10 @@ def _recorded(law: Controller, traced: TracedLaw, asked: Iterable[tuple[Instant,
         casadi.Function(
             "law",
             traced.inputs,
-            [casadi.vertcat(casadi.SX(1), *trace.guards), casadi.vertcat(*trace.torque, *trace.rate)],
+            [
+                written_out(casadi.vertcat(casadi.SX(1), *trace.guards)),
+                written_out(casadi.vertcat(*trace.torque, *trace.rate)),
+            ],
         )
         for trace in traced.traces
     ]

@@ -10,6 +10,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.compilation.c_code import Branch
+from phcontrol.compilation.eigenvalues import written_out
 from phcontrol.compilation.errors import CompilationError, NotTraceableError
 from phcontrol.compilation.law_inputs import (
     Bodies,
@@ -72,7 +73,7 @@ def part(
             failure = error
             continue
         ways.append(way)
-        covers.append(casadi.Function("guards", inputs, [casadi.vertcat(casadi.SX(1), *way.guards)]))
+        covers.append(casadi.Function("guards", inputs, [written_out(casadi.vertcat(casadi.SX(1), *way.guards))]))
     if not ways:
         raise failure or CompilationError(f"{name} could not be traced")
     return Part(name, inputs, ways)

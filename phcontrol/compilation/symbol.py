@@ -51,6 +51,8 @@ class Guards:
     def __init__(self) -> None:
         self._found: dict[tuple[int, bool], Any] = {}
         self._bounded: dict[tuple[int, str], Any] = {}
+        self.blocks: list[Any] = []
+        """Decompositions into eigenvalues, in the order in which they were asked for."""
         self.expressions: list[Any] = []
         """Of branches: all 1 where they go the trace's way."""
         self.bounds: list[Any] = []
@@ -218,6 +220,8 @@ class Symbol:
             return self._finite(self._power(int(right)))
         if type(right) is float and right == 0.5:
             return self.sqrt()
+        if type(right) is float and right == 0.25:
+            return self._finite(self.sqrt().sqrt())
         self.guards.require(self.expression, "positive")
         return self._finite(self._binary("power", other, math.pow))
 

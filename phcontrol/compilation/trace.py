@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import casadi
@@ -9,6 +10,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
+from phcontrol.compilation.eigenvalues import Eigenvalues, written_out
 from phcontrol.compilation.errors import CompilationError, NotTraceableError
 from phcontrol.compilation.law_inputs import NO_BODIES, Bodies, law_numbers, system_with_inputs, with_inputs
 from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
@@ -57,6 +59,8 @@ class Trace(NamedTuple):
     """Expressions, or floats."""
     rate: list[Any]
     """Of the law's own state, likewise."""
+    blocks: Sequence[Eigenvalues] = ()
+    """Decompositions of whose results these are made: kept, since expressions know their names only."""
 
     @property
     def outputs(self) -> list[Any]:
@@ -104,7 +108,8 @@ def trace_law(law: Controller, instants: list[Instant], *, inertias: Bodies = NO
         except NotTraceableError as error:
             failure = error
             continue
-        cover = casadi.Function("guards", inputs, [casadi.vertcat(casadi.SX(1), *trace.guards)])
+        conditions = written_out(casadi.vertcat(casadi.SX(1), *trace.guards))
+        cover = casadi.Function("guards", inputs, [conditions])
         if not _covers(cover, values):  # a quotient or a root that is no number there
             failure = NotTraceableError(f"{law.name} cannot be compiled: it computes what is not finite on its way")
             continue
@@ -166,7 +171,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
             )
     if len(torque) != layout.joints or len(rate) != layout.state:
         raise NotTraceableError(f"{law.name} cannot be compiled: its command has lengths {len(torque)}, {len(rate)}")
-    return Trace(guards.conditions, _expressions(torque), _expressions(rate))
+    return Trace(guards.conditions, _expressions(torque), _expressions(rate), guards.blocks)
 
 
 def _expressions(values: Any) -> list[Any]:

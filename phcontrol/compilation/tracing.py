@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import dis
 import functools
 import sys
 import threading
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 import casadi
 
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
+from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.symbol import INNER, REFUSALS, TRACING, plain_terms
 
@@ -22,11 +23,15 @@ _NO_PARTS = ("numpy", "pinocchio", "coal", "builtins")
 _OWN = "phcontrol."
 _LOCK = threading.RLock()
 _MISSING = object()
+_COMPARISONS = ("IS_OP", "COMPARE_OP", "CONTAINS_OP")
+_NEAR = 7  # instructions
+_IDLE = ("CACHE", "PUSH_NULL", "EXTENDED_ARG", "NOP", "RESUME")
 
 
 def is_law_module(name: str) -> bool:
     """Whether a module of phcontrol is one that laws are made of."""
-    return name.startswith(tuple(f"{_OWN}{place}." for place in _PLACES)) and not name.endswith("_lapack")
+    places = tuple(f"{_OWN}{place}." for place in _PLACES)
+    return (name.startswith(places) and not name.endswith("_lapack")) or name == f"{_OWN}_smooth"
 
 
 @contextmanager
@@ -48,8 +53,11 @@ def tracing(classes: Iterable[type]) -> Iterator[None]:
                     if stand_in is not None:
                         before.append((space, name, value))
                         space[name] = stand_in
-                before.append((space, "float", space.get("float", _MISSING)))
-                space["float"] = FLOAT
+                for name, stand_in in BUILT_IN.items():
+                    if name == "float" and compares_float(module):
+                        continue
+                    before.append((space, name, space.get(name, _MISSING)))
+                    space[name] = stand_in
             TRACING.add(threading.get_ident())
             REFUSALS.clear()
             plain_terms()
@@ -74,6 +82,44 @@ def simplifying() -> Iterator[None]:
             yield
         finally:
             plain_terms()
+
+
+@functools.cache
+def compares_float(module: ModuleType) -> bool:
+    """Whether a module asks whether a type is ``float`` itself, or one of some: there that name is left as it is.
+
+    Another thread that runs the same code while a law is traced would get another answer. In such a module
+    ``float(…)`` of what depends on the state is refused.
+    """
+    return any(_compares_float(code) for code in _codes_of(module))
+
+
+def _compares_float(code: CodeType) -> bool:
+    steps = [step for step in dis.get_instructions(code) if step.opname not in _IDLE]
+    for place, step in enumerate(steps):
+        if step.argval != "float" or not step.opname.startswith("LOAD_"):
+            continue
+        if steps[place + 1].opname in _COMPARISONS:
+            return True
+        later = [found.opname for found in steps[place + 1 : place + _NEAR]]
+        if any(name.startswith("BUILD_") for name in later) and "CONTAINS_OP" in later:  # type(x) in (int, float)
+            return True
+    return False
+
+
+def _codes_of(module: ModuleType) -> Iterator[CodeType]:
+    """Yield the code of the functions and classes of a module, and of the functions inside them."""
+    waiting = [thing for thing in vars(module).values() if getattr(thing, "__module__", None) == module.__name__]
+    while waiting:
+        thing = waiting.pop()
+        if isinstance(thing, CodeType):
+            yield thing
+            waiting.extend(part for part in thing.co_consts if isinstance(part, CodeType))
+        elif isinstance(thing, type):
+            waiting.extend(vars(thing).values())
+        else:
+            parts = (getattr(thing, name, None) for name in ("__func__", "fget", "fset", "compute", "__code__"))
+            waiting.extend(part for part in parts if part is not None)
 
 
 def refusal(law: str, error: BaseException) -> NotTraceableError:

@@ -1,34 +1,5 @@
-/* The small linear algebra of the torque filter, compiled: what phcontrol/safety/kernels.py describes. */
-#include "../_arrays.h"
-
-#define RETURN_UNLESS(condition) \
-  if (!(condition)) return NULL
-
-/* Whether an array is a vector of n doubles that lie side by side; they can then be used as they are. */
-static int is_dense(PyObject *object, npy_intp n, const char *name) {
-  if (!is_doubles(object, 1, n, name)) return 0;
-  if (n <= 1 || PyArray_STRIDE((PyArrayObject *)object, 0) == (npy_intp)sizeof(double)) return 1;
-  PyErr_Format(PyExc_ValueError, "%s must be contiguous", name);
-  return 0;
-}
-
-static double *values_of(PyObject *object) { return PyArray_DATA((PyArrayObject *)object); }
-
-/* A C-ordered (m, n) matrix of doubles, m >= least; returns m or -1. */
-static npy_intp rows_of(PyObject *object, npy_intp n, npy_intp least, const char *name) {
-  if (PyArray_Check(object)) {
-    PyArrayObject *array = (PyArrayObject *)object;
-    if (PyArray_NDIM(array) == 2 && PyArray_TYPE(array) == NPY_DOUBLE && PyArray_DIM(array, 1) == n &&
-        PyArray_DIM(array, 0) >= least && PyArray_IS_C_CONTIGUOUS(array) && PyArray_ISBEHAVED_RO(array))
-      return PyArray_DIM(array, 0);
-  }
-  PyErr_Format(PyExc_ValueError, "%s must be a C-ordered float64 matrix of %zd columns", name, (Py_ssize_t)n);
-  return -1;
-}
-
-static double clip(double value, double low, double high) {
-  return value < low ? low : (value > high ? high : value);
-}
+/* How the arm moves in a period, compiled: what phcontrol/safety/kernels.py describes. */
+#include "_vectors.h"
 
 /* The next velocity v + ha with v + ha + a^2/(2j) = bound for a speed v below the bound; else the bound. */
 static double anticipating(double bound, double speed, double period, double jerk) {
@@ -235,175 +206,233 @@ static PyObject *motion_rows(PyObject *module, PyObject *const *arguments, Py_ss
   return PyBool_FromLong(keeps);
 }
 
-/* A problem as Python gives it: hessian (or None), gradient, rows, lower, upper, lowest, highest. */
-typedef struct {
-  const double *H, *g, *C, *l, *u, *a, *b;
-  npy_intp n, m;
-} Problem;
-
-static int read_problem(PyObject *const *arguments, Problem *problem, Workspace *space) {
-  npy_intp n = PyArray_Check(arguments[1]) && PyArray_NDIM((PyArrayObject *)arguments[1]) == 1
-                   ? PyArray_DIM((PyArrayObject *)arguments[1], 0)
-                   : 0;
-  if (!is_dense(arguments[1], n, "gradient")) return 0;
-  npy_intp m = rows_of(arguments[2], n, 0, "rows");
-  if (m < 0 || !is_dense(arguments[3], m, "lower") || !is_dense(arguments[4], m, "upper") ||
-      !is_dense(arguments[5], n, "lowest") || !is_dense(arguments[6], n, "highest"))
-    return 0;
-  if (arguments[0] != Py_None && !is_doubles(arguments[0], 2, n, "hessian")) return 0;
-  if (!workspace_open(space, n * n + 2 * n * (2 * n + 1) + 2 * (n + m))) return 0; /* H; equations; active ones */
-  problem->H = NULL;
-  if (arguments[0] != Py_None) {
-    double *H = workspace_take(space, n * n);
-    read_matrix(arguments[0], n, H);
-    problem->H = H;
+PyDoc_STRVAR(nearest_torque_doc, "nearest_torque(torque, low, high)\n--\n\n"
+                                 "Return the torque nearest to one within bounds, and whether it is that torque.");
+static PyObject *nearest_torque(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 3);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "torque") && is_dense(arguments[1], n, "low") &&
+                is_dense(arguments[2], n, "high"));
+  const double *torque = values_of(arguments[0]), *low = values_of(arguments[1]), *high = values_of(arguments[2]);
+  double *near;
+  PyObject *result = new_vector(n, &near);
+  if (result == NULL) return NULL;
+  int same = 1;
+  for (npy_intp i = 0; i < n; i++) {
+    near[i] = clip(torque[i], low[i], high[i]);
+    if (near[i] != torque[i]) same = 0;
   }
-  problem->g = values_of(arguments[1]), problem->C = values_of(arguments[2]);
-  problem->l = values_of(arguments[3]), problem->u = values_of(arguments[4]);
-  problem->a = values_of(arguments[5]), problem->b = values_of(arguments[6]);
-  problem->n = n, problem->m = m;
-  return 1;
+  return Py_BuildValue("NO", result, same ? Py_True : Py_False);
 }
 
-PyDoc_STRVAR(residuals_doc,
-             "residuals(hessian, gradient, rows, lower, upper, lowest, highest, z, multipliers)\n--\n\n"
-             "Return by how much z and the rows' multipliers miss the two conditions of optimality.");
-static PyObject *residuals(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  Problem problem;
-  Workspace space;
-  if (given != 9) return PyErr_Format(PyExc_TypeError, "takes 9 arguments, but %zd were given", given);
-  if (!read_problem(arguments, &problem, &space)) return NULL;
-  npy_intp n = problem.n, m = problem.m;
-  if (!is_dense(arguments[7], n, "z") || !is_dense(arguments[8], m, "multipliers")) {
-    workspace_close(&space);
-    return NULL;
+PyDoc_STRVAR(torque_range_doc, "torque_range(previous, limit, step)\n--\n\n"
+                               "Return the lowest and the highest torque, their middle and half their distance.");
+static PyObject *torque_range(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 3);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "previous") && is_dense(arguments[1], n, "limit") &&
+                is_dense(arguments[2], n, "step"));
+  const double *previous = values_of(arguments[0]), *limit = values_of(arguments[1]), *step = values_of(arguments[2]);
+  double *values[4];
+  PyObject *arrays[4] = {NULL, NULL, NULL, NULL}, *result = NULL;
+  for (int k = 0; k < 4; k++)
+    if ((arrays[k] = new_vector(n, &values[k])) == NULL) goto done;
+  for (npy_intp i = 0; i < n; i++) {
+    double start = clip(previous[i], -limit[i], limit[i]), low = start - step[i], high = start + step[i];
+    values[0][i] = low = low < -limit[i] ? -limit[i] : low;
+    values[1][i] = high = high > limit[i] ? limit[i] : high;
+    values[2][i] = 0.5 * (low + high), values[3][i] = 0.5 * (high - low);
   }
-  const double *z = values_of(arguments[7]), *multipliers = values_of(arguments[8]);
-  double stationary = 0.0, complementary = 0.0;
-  for (npy_intp j = 0; j < n; j++) {
-    double downhill = problem.g[j];
-    for (npy_intp i = 0; i < m; i++) downhill += multipliers[i] * problem.C[i * n + j];
-    if (problem.H == NULL) {
-      downhill += z[j];
-    } else {
-      for (npy_intp k = 0; k < n; k++) downhill += problem.H[j * n + k] * z[k];
-    }
-    double miss = clip(z[j] - downhill, problem.a[j], problem.b[j]) - z[j];
-    stationary += miss * miss;
-  }
-  for (npy_intp i = 0; i < m; i++) {
-    double value = 0.0;
-    for (npy_intp j = 0; j < n; j++) value += problem.C[i * n + j] * z[j];
-    double miss = clip(value + multipliers[i], problem.l[i], problem.u[i]) - value;
-    complementary += miss * miss;
-  }
-  workspace_close(&space);
-  return Py_BuildValue("dd", sqrt(stationary), sqrt(complementary));
-}
-
-/* Solve a system of `size` equations in place, augmented with its right-hand side; 0 where it is singular. */
-static int eliminate(double *equations, npy_intp size) {
-  npy_intp width = size + 1;
-  for (npy_intp column = 0; column < size; column++) {
-    npy_intp pivot = column;
-    for (npy_intp i = column + 1; i < size; i++)
-      if (fabs(equations[i * width + column]) > fabs(equations[pivot * width + column])) pivot = i;
-    if (!(fabs(equations[pivot * width + column]) > 1e-9)) return 0; /* all rows are of length one */
-    if (pivot != column)
-      for (npy_intp k = column; k < width; k++) {
-        double swap = equations[column * width + k];
-        equations[column * width + k] = equations[pivot * width + k];
-        equations[pivot * width + k] = swap;
-      }
-    for (npy_intp i = column + 1; i < size; i++) {
-      double factor = equations[i * width + column] / equations[column * width + column];
-      if (factor == 0.0) continue;
-      for (npy_intp k = column + 1; k < width; k++) equations[i * width + k] -= factor * equations[column * width + k];
-    }
-  }
-  for (npy_intp i = size - 1; i >= 0; i--) {
-    double *row = equations + i * width, sum = row[size];
-    for (npy_intp k = i + 1; k < size; k++) sum -= row[k] * equations[k * width + size];
-    row[size] = sum / row[i];
-  }
-  return 1;
-}
-
-PyDoc_STRVAR(active_set_step_doc,
-             "active_set_step(hessian, gradient, rows, lower, upper, lowest, highest, x, multipliers)\n--\n\n"
-             "Return x and multipliers with the active constraints of the given ones as equations; None if singular.");
-static PyObject *active_set_step(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  Problem problem;
-  Workspace space;
-  if (given != 9) return PyErr_Format(PyExc_TypeError, "takes 9 arguments, but %zd were given", given);
-  if (!read_problem(arguments, &problem, &space)) return NULL;
-  npy_intp n = problem.n, m = problem.m, active = 0;
-  PyObject *result = NULL, *point = NULL, *forces = NULL;
-  double *x, *multipliers;
-  if (!is_dense(arguments[7], n, "x") || !is_dense(arguments[8], m + n, "multipliers")) goto done;
-  const double *old = values_of(arguments[7]), *pressed = values_of(arguments[8]);
-  double *bound = workspace_take(&space, n + m), *which = workspace_take(&space, n + m);
-  for (npy_intp i = 0; i < m + n; i++) {
-    double value, low = i < m ? problem.l[i] : problem.a[i - m], high = i < m ? problem.u[i] : problem.b[i - m];
-    if (i < m) {
-      value = 0.0;
-      for (npy_intp j = 0; j < n; j++) value += problem.C[i * n + j] * old[j];
-    } else {
-      value = old[i - m];
-    }
-    value += pressed[i];
-    if (value > high || value < low) {
-      bound[active] = value > high ? high : low;
-      which[active++] = (double)i;
-    }
-  }
-  if (active <= n) {
-    npy_intp size = n + active, width = size + 1;
-    double *equations = workspace_take(&space, size * width), scale = 1.0; /* of the objective: to order one */
-    for (npy_intp i = 0; problem.H != NULL && i < n * n; i++)
-      if (fabs(problem.H[i]) > scale) scale = fabs(problem.H[i]);
-    memset(equations, 0, (size_t)(size * width) * sizeof(double));
-    for (npy_intp i = 0; i < n; i++) {
-      if (problem.H == NULL) {
-        equations[i * width + i] = 1.0;
-      } else {
-        for (npy_intp j = 0; j < n; j++) equations[i * width + j] = problem.H[i * n + j] / scale;
-      }
-      equations[i * width + size] = -problem.g[i] / scale;
-    }
-    for (npy_intp k = 0; k < active; k++) {
-      npy_intp i = (npy_intp)which[k];
-      for (npy_intp j = 0; j < n; j++) {
-        double entry = i < m ? problem.C[i * n + j] : (i - m == j ? 1.0 : 0.0);
-        equations[(n + k) * width + j] = equations[j * width + n + k] = entry;
-      }
-      equations[(n + k) * width + size] = bound[k];
-    }
-    if (eliminate(equations, size)) {
-      point = new_vector(n, &x), forces = new_vector(m + n, &multipliers);
-      if (point == NULL || forces == NULL) goto done;
-      for (npy_intp i = 0; i < n; i++) x[i] = equations[i * width + size];
-      for (npy_intp i = 0; i < m + n; i++) multipliers[i] = 0.0;
-      for (npy_intp k = 0; k < active; k++) multipliers[(npy_intp)which[k]] = scale * equations[(n + k) * width + size];
-      result = PyTuple_Pack(2, point, forces);
-      goto done;
-    }
-  }
-  result = Py_NewRef(Py_None);
+  result = PyTuple_Pack(4, arrays[0], arrays[1], arrays[2], arrays[3]);
 done:
-  Py_XDECREF(point);
+  for (int k = 0; k < 4; k++) Py_XDECREF(arrays[k]);
+  return result;
+}
+
+/* The inverse of a symmetric positive-definite matrix, by its Cholesky factor; 0 where it is not that. */
+static int invert(const double *matrix, npy_intp n, double *factor, double *inverse) {
+  for (npy_intp i = 0; i < n; i++) {
+    for (npy_intp j = 0; j <= i; j++) {
+      double sum = matrix[i * n + j];
+      for (npy_intp k = 0; k < j; k++) sum -= factor[i * n + k] * factor[j * n + k];
+      if (i > j) {
+        factor[i * n + j] = sum / factor[j * n + j];
+      } else {
+        if (!(sum > 0.0)) return 0;
+        factor[i * n + i] = sqrt(sum);
+      }
+    }
+  }
+  for (npy_intp j = 0; j < n; j++) { /* the factor's inverse, into its place */
+    factor[j * n + j] = 1.0 / factor[j * n + j];
+    for (npy_intp i = j + 1; i < n; i++) {
+      double sum = 0.0;
+      for (npy_intp k = j; k < i; k++) sum -= factor[i * n + k] * factor[k * n + j];
+      factor[i * n + j] = sum / factor[i * n + i];
+    }
+  }
+  for (npy_intp i = 0; i < n; i++)
+    for (npy_intp j = 0; j <= i; j++) {
+      double sum = 0.0;
+      for (npy_intp k = i; k < n; k++) sum += factor[k * n + i] * factor[k * n + j];
+      inverse[i * n + j] = inverse[j * n + i] = sum;
+    }
+  return 1;
+}
+
+PyDoc_STRVAR(predicted_motion_doc,
+             "predicted_motion(velocity, mass, coriolis, gradient, viscous, implicit, external, period)\n--\n\n"
+             "Return inertia, response and force; ArithmeticError unless the inertia is positive definite.");
+static PyObject *predicted_motion(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 8);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_doubles(arguments[1], 2, n, "mass") &&
+                is_doubles(arguments[2], 2, n, "coriolis") && is_doubles(arguments[3], 1, n, "gradient"));
+  static const char *names[] = {"viscous", "implicit", "external"};
+  const double *optional[3];
+  for (int k = 0; k < 3; k++) {
+    optional[k] = NULL;
+    if (arguments[4 + k] == Py_None) continue;
+    RETURN_UNLESS(is_dense(arguments[4 + k], n, names[k]));
+    optional[k] = values_of(arguments[4 + k]);
+  }
+  double period = PyFloat_AsDouble(arguments[7]);
+  if (PyErr_Occurred()) return NULL;
+  const double *velocity = values_of(arguments[0]);
+  Workspace space;
+  if (!workspace_open(&space, n * n)) return NULL;
+  double *work = workspace_take(&space, n * n), *M = NULL, *A = NULL, *force = NULL;
+  PyObject *inertia = new_square(n, &M), *response = new_square(n, &A), *forces = new_vector(n, &force), *result = NULL;
+  if (inertia == NULL || response == NULL || forces == NULL) goto done;
+  read_matrix(arguments[2], n, work);
+  read_vector(arguments[3], n, force);
+  for (npy_intp i = 0; i < n; i++) {
+    double sum = force[i];
+    for (npy_intp j = 0; j < n; j++) sum += work[i * n + j] * velocity[j];
+    if (optional[0] != NULL) sum += optional[0][i] * velocity[i];
+    force[i] = optional[2] == NULL ? -sum : optional[2][i] - sum;
+  }
+  read_matrix(arguments[1], n, M);
+  for (npy_intp i = 0; optional[1] != NULL && i < n; i++) M[i * n + i] += optional[1][i];
+  if (!invert(M, n, work, A)) {
+    PyErr_SetString(PyExc_ArithmeticError, "the inertia must be positive definite");
+    goto done;
+  }
+  for (npy_intp i = 0; i < n * n; i++) A[i] *= period;
+  result = PyTuple_Pack(3, inertia, response, forces);
+done:
+  Py_XDECREF(inertia);
+  Py_XDECREF(response);
   Py_XDECREF(forces);
   workspace_close(&space);
   return result;
 }
 
-#define METHOD(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, name##_doc}
+PyDoc_STRVAR(moved_doc, "moved(velocity, response, push)\n--\n\nReturn velocity + response·push.");
+static PyObject *moved(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 3);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_square(arguments[1], n, "response") &&
+                is_dense(arguments[2], n, "push"));
+  const double *velocity = values_of(arguments[0]), *A = values_of(arguments[1]), *push = values_of(arguments[2]);
+  double *following;
+  PyObject *result = new_vector(n, &following);
+  for (npy_intp i = 0; result != NULL && i < n; i++) {
+    double sum = velocity[i];
+    for (npy_intp j = 0; j < n; j++) sum += A[i * n + j] * push[j];
+    following[i] = sum;
+  }
+  return result;
+}
+
+PyDoc_STRVAR(braking_torque_doc,
+             "braking_torque(velocity, inertia, force, lowest, highest, fastest, period, decay)\n--\n\n"
+             "Return the generalised force that brakes, or damps between the bounds.");
+static PyObject *braking_torque(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 8);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "velocity") && is_square(arguments[1], n, "inertia"));
+  static const char *names[] = {"force", "lowest", "highest", "fastest"};
+  for (int k = 0; k < 4; k++) RETURN_UNLESS(is_dense(arguments[k + 2], n, names[k]));
+  double period = PyFloat_AsDouble(arguments[6]), decay = PyFloat_AsDouble(arguments[7]);
+  if (PyErr_Occurred()) return NULL;
+  const double *v = values_of(arguments[0]), *M = values_of(arguments[1]), *force = values_of(arguments[2]);
+  const double *lowest = values_of(arguments[3]), *highest = values_of(arguments[4]), *fastest = values_of(arguments[5]);
+  Workspace space;
+  if (!workspace_open(&space, n)) return NULL;
+  double *acceleration = workspace_take(&space, n), *wanted;
+  for (npy_intp i = 0; i < n; i++) {
+    double change = clip(-v[i] * decay, -fastest[i], fastest[i]);
+    change = clip(change, lowest[i] - v[i], highest[i] - v[i]);
+    acceleration[i] = change / period;
+  }
+  PyObject *result = new_vector(n, &wanted);
+  for (npy_intp i = 0; result != NULL && i < n; i++) {
+    double sum = -force[i];
+    for (npy_intp j = 0; j < n; j++) sum += M[i * n + j] * acceleration[j];
+    wanted[i] = sum;
+  }
+  workspace_close(&space);
+  return result;
+}
+
+PyDoc_STRVAR(scaled_doc, "scaled(torque, centre, reach, most)\n--\n\n"
+                         "Return (torque - centre)/reach, as far as most, and whether it is no farther.");
+static PyObject *scaled(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 4);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "torque") && is_dense(arguments[1], n, "centre") &&
+                is_dense(arguments[2], n, "reach"));
+  double most = PyFloat_AsDouble(arguments[3]);
+  if (PyErr_Occurred()) return NULL;
+  const double *torque = values_of(arguments[0]), *centre = values_of(arguments[1]), *reach = values_of(arguments[2]);
+  double *z;
+  PyObject *result = new_vector(n, &z);
+  if (result == NULL) return NULL;
+  int inside = 1;
+  for (npy_intp i = 0; i < n; i++) {
+    double value = (torque[i] - centre[i]) / reach[i];
+    if (!(fabs(value) <= most)) inside = 0;
+    z[i] = clip(value, -most, most);
+  }
+  return Py_BuildValue("NO", result, inside ? Py_True : Py_False);
+}
+
+PyDoc_STRVAR(torque_at_doc, "torque_at(z, centre, reach, low, high)\n--\n\n"
+                            "Return centre + reach·z, exactly within the bounds.");
+static PyObject *torque_at(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 5);
+  static const char *names[] = {"z", "centre", "reach", "low", "high"};
+  RETURN_UNLESS(n >= 0);
+  for (int k = 0; k < 5; k++) RETURN_UNLESS(is_dense(arguments[k], n, names[k]));
+  const double *z = values_of(arguments[0]), *centre = values_of(arguments[1]), *reach = values_of(arguments[2]);
+  const double *low = values_of(arguments[3]), *high = values_of(arguments[4]);
+  double *torque;
+  PyObject *result = new_vector(n, &torque);
+  for (npy_intp i = 0; result != NULL && i < n; i++) torque[i] = clip(centre[i] + reach[i] * z[i], low[i], high[i]);
+  return result;
+}
+
+PyDoc_STRVAR(effort_metric_doc, "effort_metric(reach, scale)\n--\n\n"
+                                "Return the diagonal matrix of (reach/scale)^2, divided by their mean.");
+static PyObject *effort_metric(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
+  npy_intp n = size_of(arguments, given, 2);
+  RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "reach") && is_dense(arguments[1], n, "scale"));
+  const double *reach = values_of(arguments[0]), *scale = values_of(arguments[1]);
+  double *H, sum = 0.0;
+  PyObject *result = new_square(n, &H);
+  if (result == NULL) return NULL;
+  memset(H, 0, (size_t)(n * n) * sizeof(double));
+  for (npy_intp i = 0; i < n; i++) {
+    double weight = reach[i] / scale[i];
+    sum += H[i * n + i] = weight * weight;
+  }
+  for (npy_intp i = 0; i < n; i++) H[i * n + i] *= (double)n / sum;
+  return result;
+}
+
 static PyMethodDef methods[] = {
-    METHOD(speed_bounds),    METHOD(expected_friction), METHOD(passed_velocities), METHOD(narrowed_bounds), METHOD(bound_excess),   METHOD(motion_rows),
-    METHOD(residuals),       METHOD(active_set_step), {NULL, NULL, 0, NULL}};
+    METHOD(speed_bounds),   METHOD(expected_friction), METHOD(passed_velocities), METHOD(narrowed_bounds),
+    METHOD(bound_excess),   METHOD(motion_rows),       METHOD(nearest_torque),    METHOD(torque_range),
+    METHOD(predicted_motion), METHOD(moved),           METHOD(braking_torque),    METHOD(scaled),
+    METHOD(torque_at),      METHOD(effort_metric),     {NULL, NULL, 0, NULL}};
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_compiled",
-                                        "The small linear algebra of the torque filter, compiled.", -1, methods};
+                                        "How the arm moves in a period, compiled.", -1, methods};
 
 PyMODINIT_FUNC PyInit__compiled(void) {
   import_array();

@@ -150,8 +150,11 @@ def active_set_step(
     highest: Array,
     x: Array,
     multipliers: Array,
-) -> tuple[Array, Array] | None:
-    """Return x and multipliers with the active constraints of the given ones as equations; None if singular."""
+) -> tuple[Array, Array, Array, float, float] | None:
+    """Return x and multipliers with the active constraints of the given ones as equations; None if singular.
+
+    Also return x within the box, and the residuals that it has there with these multipliers.
+    """
     n = x.size
     active, equations, right, scale = active_equations(
         hessian, gradient, rows, lower, upper, lowest, highest, x, multipliers
@@ -161,7 +164,9 @@ def active_set_step(
     solution: Array = np.asarray(np.linalg.solve(equations, right), dtype=float)
     found = np.zeros_like(multipliers)
     found[active] = scale * solution[n:]
-    return solution[:n], found
+    inside = np.minimum(np.maximum(solution[:n], lowest), highest)
+    missed = residuals(hessian, gradient, rows, lower, upper, lowest, highest, inside, found[: lower.size])
+    return solution[:n], found, inside, *missed
 
 
 def active_equations(
@@ -191,3 +196,147 @@ def active_equations(
     equations = np.block([[H, A.T], [A, np.zeros((active.size, active.size))]])
     right: Array = np.append(-gradient / scale, b)
     return active, equations, right, scale
+
+
+def bent(
+    hessian: Array | None, gradient: Array, weight: float, curvature: Array, z: Array, slope: Array | None
+) -> tuple[Array, Array]:
+    """Return the objective with ½·weight·(y − z)ᵀK(y − z) more in it, and weight·slopeᵀy where a slope is given."""
+    curvature = weight * curvature
+    gradient = gradient - curvature.dot(z)
+    if slope is not None:
+        gradient = gradient + weight * slope
+    return curvature + (np.eye(z.size) if hessian is None else hessian), gradient
+
+
+def parabola(z: Array, centre: Array, excess: float, slope: Array, curvature: Array) -> float:
+    """Return excess + slopeᵀ(z − centre) + ½(z − centre)ᵀK(z − centre)."""
+    way = z - centre
+    return excess + float(way.dot(slope + 0.5 * curvature.dot(way)))
+
+
+def tangent(z: Array, centre: Array, excess: float, slope: Array, curvature: Array) -> tuple[Array, float, float]:
+    """Return row, bound and length of the tangent of that at z: the row has length one, but where it is 0."""
+    row = slope + curvature.dot(z - centre)
+    length = math.sqrt(row.dot(row))
+    bound = float(row.dot(z)) - parabola(z, centre, excess, slope, curvature)
+    return (row / length, bound / length, length) if length > 0.0 else (row, bound, length)
+
+
+def farther(hessian: Array | None, gradient: Array, z: Array, highest: Array) -> float:
+    """Return the most by which ½yᵀH y + gᵀy can be larger than at z for a y of the box |y| ≤ highest."""
+    H = np.eye(z.size) if hessian is None else hessian
+    near = 0.5 * z.dot(H.dot(z)) + gradient.dot(z)
+    return float(0.5 * highest.dot(np.abs(H).dot(highest)) + np.abs(gradient).dot(highest) - near)
+
+
+def mean_power(output: Array, resistance: Array, dissipated: float, change: Array, kick: Array, push: Array) -> float:
+    """Return ŷᵀΔ − d + ½κᵀ(GΔ − r)."""
+    return float(output.dot(change) + 0.5 * kick.dot(push - resistance)) - dissipated
+
+
+def storage_parabola(
+    output: Array, resistance: Array, push: Array, kick: Array, effect: Array, curvature: Array, reach: Array
+) -> tuple[float, Array, Array]:
+    """Return the size of slope and curvature of the mean power by z, and both divided by it."""
+    slope = reach * (0.5 * ((push - resistance).dot(effect) + kick) + output)
+    curvature = curvature * reach * reach[:, None]
+    size = float(np.abs(slope).sum()) + float(curvature.trace())
+    return (size, slope / size, curvature / size) if size > 0.0 else (size, slope, curvature)
+
+
+def elastic_bounds(
+    rows: Array, lower: Array, upper: Array, highest: Array, preferred: Array
+) -> tuple[Array, Array, Array]:
+    """Return bounds that are at most 1 beyond the box's reach, and (z, s) near the preferred z that meet them."""
+    beyond = np.abs(rows).dot(highest) + 1.0
+    low, high = np.minimum(lower, beyond), np.maximum(upper, -beyond)
+    z = np.minimum(np.maximum(preferred, -highest), highest)
+    reached = rows.dot(z)
+    return low, high, np.concatenate([z, np.minimum(np.maximum(reached, low), high) - reached])
+
+
+def widen(rows: Array, z: Array, room: float, lower: Array, upper: Array) -> None:
+    """Widen the bounds so far that z is within them by ``room``."""
+    reached = rows.dot(z)
+    np.minimum(lower, reached - room, out=lower)
+    np.maximum(upper, reached + room, out=upper)
+
+
+def nearest_torque(torque: Array, low: Array, high: Array) -> tuple[Array, bool]:
+    """Return the torque nearest to one within bounds, and whether it is that torque; NaN stays NaN."""
+    nearest: Array = np.minimum(np.maximum(torque, low), high)
+    return nearest, bool((nearest == torque).all())
+
+
+def torque_range(previous: Array, limit: Array, step: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the lowest and the highest torque by effort and rate, their middle and half their distance."""
+    start = nearest_torque(previous, -limit, limit)[0]
+    low, high = np.maximum(start - step, -limit), np.minimum(start + step, limit)
+    return low, high, 0.5 * (low + high), 0.5 * (high - low)
+
+
+def predicted_motion(
+    velocity: Array,
+    mass: Array,
+    coriolis: Array,
+    gradient: Array,
+    viscous: Array | None,
+    implicit: Array | None,
+    external: Array | None,
+    period: float,
+) -> tuple[Array, Array, Array]:
+    """Return M + hθF_v, h times its inverse, and f_e − C q̇ − F_v q̇ − ∂V/∂q."""
+    force = coriolis.dot(velocity) + gradient
+    if viscous is not None:
+        force += viscous * velocity
+    inertia = np.array(mass) if implicit is None else mass + np.diag(implicit)
+    try:
+        factor = np.linalg.cholesky(inertia)
+    except np.linalg.LinAlgError as error:
+        raise ArithmeticError("the inertia must be positive definite") from error
+    if not np.isfinite(factor).all():
+        raise ArithmeticError("the inertia must be positive definite")
+    inverse = np.linalg.inv(factor)
+    return inertia, period * inverse.T.dot(inverse), -force if external is None else external - force
+
+
+def moved(velocity: Array, response: Array, push: Array) -> Array:
+    """Return the next velocity, v + (response)(push)."""
+    result: Array = velocity + response.dot(push)
+    return result
+
+
+def braking_torque(
+    velocity: Array,
+    inertia: Array,
+    force: Array,
+    lowest: Array,
+    highest: Array,
+    fastest: Array,
+    period: float,
+    decay: float,
+) -> Array:
+    """Return the generalised force that changes v by −decay·v, by no more than ``fastest``, into the bounds."""
+    change = np.minimum(np.maximum(-decay * velocity, -fastest), fastest)
+    change = np.minimum(np.maximum(change, lowest - velocity), highest - velocity)
+    result: Array = inertia.dot(change / period) - force
+    return result
+
+
+def scaled(torque: Array, centre: Array, reach: Array, most: float) -> tuple[Array, bool]:
+    """Return (torque − centre)/reach, as far as ``most``, and whether it is no farther."""
+    z = (torque - centre) / reach
+    return np.minimum(np.maximum(z, -most), most), bool((np.abs(z) <= most).all())
+
+
+def torque_at(z: Array, centre: Array, reach: Array, low: Array, high: Array) -> Array:
+    """Return centre + reach·z, exactly within the bounds."""
+    result: Array = np.minimum(np.maximum(centre + reach * z, low), high)
+    return result
+
+
+def effort_metric(reach: Array, scale: Array) -> Array:
+    """Return the diagonal matrix of (reach/scale)², divided by their mean."""
+    weights = (reach / scale) ** 2
+    return np.diag(weights / weights.mean())

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.safety.quadratic_program import UNBOUNDED, Problem, QuadraticProgram
+from phcontrol.safety import kernels
+from phcontrol.safety.problem import UNBOUNDED, Problem
+from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
 _INSISTENCE = 1e4  # weight of the excess against the distance from the preferred point
 
@@ -18,11 +20,12 @@ class LeastExcess:
 
     Args:
         n: number of unknowns z and of rows of length one.
+        solver: that is asked first.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, solver: SolverName = "daqp") -> None:
         self._n = n
-        self._program = QuadraticProgram(2 * n, n)
+        self._program = QuadraticProgram(2 * n, n, solver)
         self._hessian = np.diag(np.concatenate([np.ones(n), np.full(n, _INSISTENCE)]))
         self._gradient, self._box = np.zeros(2 * n), np.full(2 * n, UNBOUNDED)
         self._rows = np.hstack([np.zeros((n, n)), np.eye(n)])
@@ -37,12 +40,7 @@ class LeastExcess:
         self._rows[:, :n] = rows
         np.negative(preferred, out=self._gradient[:n])
         self._box[:n] = highest
-        beyond = np.abs(rows).dot(highest)
-        beyond += 1.0
-        lower, upper = np.minimum(lower, beyond), np.maximum(upper, -beyond)
+        lower, upper, feasible = kernels.elastic_bounds(rows, lower, upper, highest, preferred)
         problem = Problem(self._hessian, self._gradient, self._rows, lower, upper, -self._box, self._box)
-        z = np.minimum(np.maximum(preferred, -highest), highest)
-        reached = rows.dot(z)
-        feasible = np.concatenate([z, np.minimum(np.maximum(reached, lower), upper) - reached])
         answer = self._program.solve(problem, feasible)
         return None if answer is None else answer[:n]

@@ -1,191 +1,117 @@
-"""The quadratic programs of the torque filter, on ProxQP, with answers that are checked."""
+"""The quadratic programs of the torque filter, on one of two solvers, with answers that are checked."""
 
 from __future__ import annotations
 
-import atexit
-import math
-import weakref
-from typing import Any, NamedTuple
+from typing import Literal, Protocol
 
 import numpy as np
-from proxsuite import proxqp
 
 from phcontrol._validation import Array
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.safety import kernels
 from phcontrol.safety._numpy import active_equations
+from phcontrol.safety.daqp_solver import DaqpSolver
+from phcontrol.safety.problem import Problem
+from phcontrol.safety.proxqp_solver import ProxqpSolver
 
-ACCURACY = 1e-10
-"""What is asked of the solver, in scaled units."""
-ACCEPTED = 1e-10
-"""The largest residual of an answer that is believed, in scaled units, but for the rounding of large numbers."""
+SolverName = Literal["daqp", "proxqp"]
+SOLVERS: dict[SolverName, type[DaqpSolver] | type[ProxqpSolver]] = {"daqp": DaqpSolver, "proxqp": ProxqpSolver}
+"""By name, the default first."""
 
-UNBOUNDED = 1e20
-"""What ProxQP takes for no bound."""
-
-_ROUNDING = 1e-14  # of sums of gradient and forces, relative to them
-_MOST_ITERATIONS = 60
-_MANY_ITERATIONS = 8  # of a warm start, after which the next is cold, with the solver's own step sizes
-_LARGE_GRADIENT = 20.0  # from which the objective is scaled
 _MOST_CORRECTIONS = 6
+_FEW_CORRECTIONS = 3  # of the last answer, before a solver is asked
+_TOUCHING = 1e-13  # by which an answer may miss its active constraints without being moved onto them
 _MOST_STEPS = 100  # of the active-set method from a feasible point
 _AT_REST = 1e-12  # of a step, in scaled units
-_MOST_INNER_ITERATIONS = 100  # normally fewer than ten: so that no period waits for a problem that has no solution
-_WARM = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-_COLD = proxqp.InitialGuess.NO_INITIAL_GUESS
 
 
-def _length(values: Array) -> float:
-    """Return the Euclidean norm; NaN when there is one inside."""
-    return math.sqrt(values.dot(values))
+class Solver(Protocol):
+    """What solves a :class:`Problem`; its answers need not be right."""
 
+    @property
+    def found_none(self) -> bool:
+        """Whether the last answer was that no point meets the constraints."""
+        ...
 
-class Problem(NamedTuple):
-    """min ½zᵀH z + gᵀz subject to l ≤ C z ≤ u and a ≤ z ≤ b; rows of length one, everything of order one."""
+    def solve(self, problem: Problem) -> tuple[Array, Array] | None:
+        """Return x and the multipliers of rows and box, or None."""
+        ...
 
-    hessian: Array | None
-    """H, shape (n, n); None for the identity."""
-    gradient: Array
-    """g, shape (n,)."""
-    rows: Array
-    """C, shape (m, n)."""
-    lower: Array
-    """l, shape (m,)."""
-    upper: Array
-    """u, shape (m,)."""
-    lowest: Array
-    """a, shape (n,)."""
-    highest: Array
-    """b, shape (n,)."""
-
-    def residuals(self, z: Array, multipliers: Array) -> tuple[float, float]:
-        """Return by how much z and the rows' multipliers λ miss the two conditions of optimality.
-
-        They are z = clip(z − (H z + g + Cᵀλ), a, b) and C z = clip(C z + λ, l, u): true at the optimum and only there.
-        """
-        return kernels.residuals(*self, z, multipliers)
-
-    def accepted(self, x: Array, multipliers: Array) -> Array | None:
-        """Return x clipped to the box if that, with these multipliers (rows, then box), is the optimum, else None."""
-        z: Array = np.minimum(np.maximum(x, self.lowest), self.highest)
-        return z if self.accepts(z, multipliers[: self.lower.size]) else None
-
-    def accepts(self, z: Array, multipliers: Array) -> bool:
-        """Whether z, with these multipliers of the rows, is the optimum; never true of NaN."""
-        stationary, complementary = self.residuals(z, multipliers)
-        if not complementary <= ACCEPTED:
-            return False
-        if stationary <= ACCEPTED:
-            return True
-        return stationary <= _ROUNDING * (_length(self.gradient) + _length(multipliers))
-
-
-_programs: weakref.WeakSet[QuadraticProgram] = weakref.WeakSet()
-
-
-@atexit.register
-def _end_solvers() -> None:
-    """Let go of all solvers: nanobind complains, in pages, of those that a thread or a cycle keeps until the end."""
-    for program in list(_programs):
-        program.end()
+    def reset(self) -> None:
+        """Forget the last answer."""
+        ...
 
 
 class QuadraticProgram:
     """Solves one :class:`Problem` of n unknowns and m rows after another, each started from the last answer.
 
-    Mostly the constraints that were active last are active again: then one set of equations gives the optimum, and
-    ProxQP is not asked. An answer counts only if the residuals of the optimality conditions, computed here, are below
-    ``ACCEPTED``. Where ProxQP's is not that exact, the equations of the constraints that it found active are solved
-    directly, the active constraints are corrected by that solution, and so on (a primal-dual active-set method); where
-    that fails too, a primal active-set method goes on from a feasible point, if one is known. All results are checked
-    likewise. Four traps of ProxQP are avoided: with its own threshold for infeasibility (1e-4) it gives up problems
-    that have solutions; a large gradient beside bounds of order one spoils it, so that the objective is scaled here;
-    what a problem without a solution leaves spoils the next start, so that a new solver is made; and on contradictory
-    bounds it would iterate for half a second.
+    Mostly the constraints that were active last are active again, but for a few: then a set of equations or two give
+    the optimum, and no solver is asked. An answer counts only if the residuals of the optimality conditions, computed
+    here, are below ``ACCEPTED``. Where a solver's is not that exact, the equations of the constraints that it found
+    active are solved directly, the active constraints are corrected by that solution, and so on (a primal-dual
+    active-set method); where that fails too, the other solver is asked, and then a primal active-set method goes on
+    from a feasible point, if one is known. All results are checked likewise. That no point meets the constraints is
+    believed of a solver that says so only where none is known: then the answer is None too.
+
+    Args:
+        n: number of unknowns.
+        m: number of rows.
+        solver: that is asked first: "daqp" or "proxqp".
     """
 
-    def __init__(self, n: int, m: int) -> None:
-        _programs.add(self)
+    def __init__(self, n: int, m: int, solver: SolverName = "daqp") -> None:
         self._n, self._m = n, m
-        self._identity = np.eye(n)
-        self.reset()
+        self._solvers: list[Solver] = [make(n, m) for make in ordered(solver)]
+        self._last: tuple[Array, Array] | None = None
 
     def reset(self) -> None:
         """Forget the last answer."""
-        self._start_afresh()
-        self._last: tuple[Array, Array] | None = None
+        for solver in self._solvers:
+            solver.reset()
+        self._last = None
 
     @property
     def multipliers(self) -> Array:
         """Of rows and box, of the last answer; none before the first."""
         return np.zeros(self._m + self._n) if self._last is None else self._last[1]
 
-    def _start_afresh(self) -> None:
-        """Make a new solver: after a failure an old one mostly fails again."""
-        n, m = self._n, self._m
-        solver = proxqp.dense.QP(n, 0, m, True, proxqp.dense.HessianType.Dense)
-        settings = solver.settings
-        settings.eps_abs, settings.eps_rel, settings.max_iter = ACCURACY, 0.0, _MOST_ITERATIONS
-        settings.max_iter_in = _MOST_INNER_ITERATIONS
-        settings.eps_primal_inf = settings.eps_dual_inf = 0.0
-        settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, ACCURACY, 0.0
-        settings.compute_timings = settings.verbose = False
-        one, bound, rows = np.ones(n), np.ones(m), np.eye(m, n)
-        solver.init(np.eye(n), np.zeros(n), None, None, rows, -bound, bound, -one, one, compute_preconditioner=False)
-        solver.solve()  # an update before the first solve would crash a warm start
-        self._solver: Any = solver
-        self._warm = self._starts_warm = self._scaled_last = False
-        settings.initial_guess = _COLD
-
-    def end(self) -> None:
-        """Let go of the solver; nothing is solved any more."""
-        self._solver = None
-
     def solve(self, problem: Problem, feasible: Array | None = None) -> Array | None:
         """Return the optimum, exactly inside the box, or None when no answer passes the check.
 
         Args:
             problem: what to solve.
-            feasible: a z that meets all constraints, if one is known, for where ProxQP fails.
+            feasible: a z that meets all constraints, if one is known, for where the solvers fail.
         """
-        answer = None if self._last is None else self._with_the_same_constraints(problem, *self._last)
-        if answer is None:
-            answer = self._attempt(problem)
-        if answer is None:
-            self._start_afresh()
-            if feasible is not None:
-                answer = self._from_feasible(problem, feasible)
-        return answer
+        answer = None if self._last is None else self._from_the_last(problem, *self._last)
+        if answer is not None:
+            return answer
+        for solver in self._solvers:
+            answer = self._attempt(solver, problem)
+            if answer is not None:
+                return answer
+            if solver.found_none and feasible is None:
+                return None
+            solver.reset()
+        return None if feasible is None else self._from_feasible(problem, feasible)
 
-    def _attempt(self, problem: Problem) -> Array | None:
-        """Return ProxQP's answer, made exact, or None."""
-        solver = self._solver
-        if self._starts_warm != self._warm:
-            self._starts_warm = self._warm
-            solver.settings.initial_guess = _WARM if self._starts_warm else _COLD
-        size = _length(problem.gradient)
-        size = 1.0 if size <= _LARGE_GRADIENT else size
-        H, gradient = problem.hessian, problem.gradient
-        if size != 1.0:
-            H, gradient = (self._identity if H is None else H) / size, gradient / size
-        elif H is None and self._scaled_last:
-            H = self._identity
-        self._scaled_last = H is not None and H is not self._identity
-        solver.update(H, gradient, None, None, *problem[2:])
-        solver.solve()
-        results = solver.results
-        x, multipliers = results.x, size * results.z
-        z = problem.accepted(x, multipliers)
-        self._warm = z is not None and not (self._starts_warm and results.info.iter > _MANY_ITERATIONS)
-        if z is not None:
-            return self._settled(problem, z, multipliers)
-        self._last = None
-        if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
+    def _attempt(self, solver: Solver, problem: Problem) -> Array | None:
+        """Return a solver's answer, made exact, or None."""
+        found = solver.solve(problem)
+        if found is None or not (np.isfinite(found[0]).all() and np.isfinite(found[1]).all()):
             return None
-        return self._corrected(problem, x, multipliers)
+        z = problem.accepted(*found)
+        if z is not None:
+            return self._settled(problem, z, found[1])
+        self._last = None
+        return self._corrected(problem, *found)
 
     def _settled(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return an answer that is optimal but for rounding, as exact as its active constraints give it, or None."""
-        solved = kernels.active_set_step(*problem, x, multipliers) or (x, multipliers)
+        renewed = kernels.active_set_step(*problem, x, multipliers)
+        if renewed is not None and renewed[4] <= _TOUCHING and problem.are_small(*renewed[3:], renewed[1]):
+            self._last = renewed[:2]
+            return renewed[2]
+        solved = (x, multipliers) if renewed is None else renewed[:2]
         for step in (_touching(problem, *solved), solved, (x, multipliers)):
             answer = self._believed(problem, step)
             if answer is not None:
@@ -199,10 +125,17 @@ class QuadraticProgram:
             self._last = step
         return answer
 
-    def _with_the_same_constraints(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
-        """Return the optimum if the constraints that were active last are so again; None otherwise."""
-        step = kernels.active_set_step(*problem, x, multipliers)
-        return None if step is None else self._believed(problem, step)
+    def _from_the_last(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
+        """Return the optimum if the constraints that were active last are so again, but for a few; None otherwise."""
+        for _ in range(_FEW_CORRECTIONS):
+            step = kernels.active_set_step(*problem, x, multipliers)
+            if step is None:
+                return None
+            x, multipliers, z, stationary, complementary = step
+            if problem.are_small(stationary, complementary, multipliers):
+                self._last = x, multipliers
+                return z
+        return None
 
     def _from_feasible(self, problem: Problem, z: Array) -> Array | None:
         """Return the optimum by a primal active-set method from a feasible z; None when that does not get there.
@@ -245,13 +178,19 @@ class QuadraticProgram:
     def _corrected(self, problem: Problem, x: Array, multipliers: Array) -> Array | None:
         """Return the optimum, from a nearly optimal x and multipliers of rows and box; None when it is not found."""
         for _ in range(_MOST_CORRECTIONS):
-            x, multipliers = kernels.active_set_step(*problem, x, multipliers) or _least_squares_step(
-                problem, x, multipliers
-            )
+            step = kernels.active_set_step(*problem, x, multipliers)
+            x, multipliers = _least_squares_step(problem, x, multipliers) if step is None else step[:2]
             answer = self._believed(problem, (x, multipliers))
             if answer is not None:
                 return answer
         return None
+
+
+def ordered(solver: SolverName) -> list[type[DaqpSolver] | type[ProxqpSolver]]:
+    """Return the solvers in the order in which they are asked: that of this name, then the other."""
+    if solver not in SOLVERS:
+        raise InvalidArgumentError("solver", f"must be one of {', '.join(map(repr, SOLVERS))}, but is {solver!r}")
+    return [SOLVERS[solver], *(make for name, make in SOLVERS.items() if name != solver)]
 
 
 def _least_squares_step(problem: Problem, x: Array, multipliers: Array) -> tuple[Array, Array]:

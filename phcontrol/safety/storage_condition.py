@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 from phcontrol._validation import Array
 from phcontrol.controllers.passive_port import PassivePort
+from phcontrol.safety import kernels
+from phcontrol.safety.quadratic_constraint import QuadraticConstraint
+
+_NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
 
 
 class StorageCondition(NamedTuple):
@@ -27,27 +31,36 @@ class StorageCondition(NamedTuple):
 
     def power(self, change: Array, kick: Array) -> float:
         """Return P [W] for Δ [N·m] and κ [rad/s]."""
-        port, matrix = self.port, self.input_matrix
-        push = (change if matrix is None else matrix.dot(change)) - port.resistance
-        return float(port.output.dot(change) + 0.5 * kick.dot(push)) - port.dissipated_power
+        output, dissipated, resistance = self.port
+        matrix = self.input_matrix
+        push = change if matrix is None else matrix.dot(change)
+        return kernels.mean_power(output, resistance, dissipated, change, kick, push)
 
     def allowed(self, kick: Array) -> float:
         """Return max(0, P(u★)) [W] for κ★ [rad/s]: what sampling alone does to the law."""
         return max(0.0, -0.5 * float(kick.dot(self.port.resistance)) - self.port.dissipated_power)
 
-    def slope(self, change: Array, kick: Array, effect: Array) -> Array:
-        """Return ∂P/∂u = ŷ + ½Gᵀκ + ½Eᵀ(GΔ − r), shape (n,) [rad/s], E = ∂κ/∂u being the effect of the torques."""
-        port, matrix = self.port, self.input_matrix
-        if matrix is None:
-            push, lifted = change - port.resistance, kick
-        else:
-            push, lifted = matrix.dot(change) - port.resistance, matrix.T.dot(kick)
-        result: Array = push.dot(effect)
-        result += lifted
-        result *= 0.5
-        result += port.output
-        return result
+    def scaled(
+        self, surplus: float, change: Array, kick: Array, effect: Array, centre: Array, reach: Array
+    ) -> QuadraticConstraint | None:
+        """Return the condition for z = (u − …)/reach, of order one; None where no torque has a lever on H_d.
 
-    def curvature(self, effect: Array) -> Array:
-        """Return ∂²P/∂u² = GᵀE, shape (n, n), positive definite [rad/(s·N·m)]."""
-        return effect if self.input_matrix is None else self.input_matrix.T.dot(effect)
+        Its slope is ∂P/∂u = ŷ + ½Gᵀκ + ½Eᵀ(GΔ − r) [rad/s], its curvature ∂²P/∂u² = GᵀE [rad/(s·N·m)], which is
+        positive definite; E = ∂κ/∂u is the effect of the torques.
+
+        Args:
+            surplus: P − what is allowed, at Δ and κ [W].
+            change: Δ [N·m].
+            kick: κ [rad/s].
+            effect: E, shape (n, n).
+            centre: z at Δ and κ.
+            reach: of the torques, shape (n,) [N·m].
+        """
+        output, _, resistance = self.port
+        matrix = self.input_matrix
+        if matrix is None:
+            push, curvature = change, effect
+        else:
+            push, kick, curvature = matrix.dot(change), matrix.T.dot(kick), matrix.T.dot(effect)
+        size, slope, bend = kernels.storage_parabola(output, resistance, push, kick, effect, curvature, reach)
+        return QuadraticConstraint(centre, surplus / size, slope, bend) if size > _NO_LEVER else None

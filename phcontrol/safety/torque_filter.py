@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from phcontrol._validation import Array, flag, gain, positive
 from phcontrol.controllers.passive_port import PassivePort
@@ -14,21 +14,20 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
-from phcontrol.safety.clipping import clipped
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.friction_prediction import ROOM, FrictionPrediction
 from phcontrol.safety.least_excess import LeastExcess
 from phcontrol.safety.limits import Limits
-from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import UNBOUNDED, Problem
+from phcontrol.safety.problem import UNBOUNDED, Problem
+from phcontrol.safety.quadratic_program import SolverName
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
 
+_ANYWHERE = math.inf  # how far a scaled torque may be
 _FARTHEST = 1e6  # a desired torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
 _DAMPING_TIME = 0.1  # in which the fallback's damping stops a joint [s]
 _ROOM = 1e-4  # by which the velocity bounds are at least wider than what braking reaches, of the torques' effect
-_NO_LEVER = 1e-12  # of the torques on the storage function, below which none is seen [W]
 
 
 class FilteredTorque(NamedTuple):
@@ -48,14 +47,20 @@ class _Motion(NamedTuple):
 
     inertia: Array
     """M + hθF_v."""
-    factor: Array
-    """Its Cholesky factor."""
+    response: Array
+    """h(M + hθF_v)⁻¹."""
     force: Array
     """f_e − C q̇ − F_v q̇ − s − ∂V/∂q [N·m]: what moves the arm beside the motors."""
-    response: Array
-    """h(M + hθF_v)⁻¹, where there is dry friction."""
     dry: Array
     """s: the dry friction that is expected [N·m]."""
+    drift: Array
+    """The next velocity without motors [rad/s]."""
+    effect: Array
+    """∂v⁺/∂u = h(M + hθF_v)⁻¹G."""
+
+    def next_velocity(self, torque: Array) -> Array:
+        """Return v⁺ under a torque [rad/s]."""
+        return kernels.moved(self.drift, self.effect, torque)
 
 
 class _Bounds(NamedTuple):
@@ -76,16 +81,18 @@ class _Box(NamedTuple):
     high: Array
     centre: Array
     reach: Array
-    extent: Array
+    lowest: Array
+    """The smallest z: −1, but where there is no effort limit."""
+    highest: Array
     """The largest z: 1, but where there is no effort limit."""
 
     def scaled(self, torque: Array) -> Array:
         """Return z of a torque [N·m]."""
-        return (torque - self.centre) / self.reach
+        return kernels.scaled(torque, self.centre, self.reach, _ANYWHERE)[0]
 
     def torque(self, z: Array) -> Array:
         """Return the torque of z, exactly inside the box [N·m]."""
-        return clipped(self.centre + self.reach * z, self.low, self.high)
+        return kernels.torque_at(z, self.centre, self.reach, self.low, self.high)
 
 
 class TorqueFilter:
@@ -133,6 +140,8 @@ class TorqueFilter:
         metric: W: "effort" for the torques relative to their limits, "inertia" for M⁻¹ (nearest acceleration),
             or a positive-definite matrix.
         storage: False to leave out the storage condition.
+        solver: that is asked first, "daqp" (a dual active-set method) or "proxqp" (a proximal method); the other one
+            solves again what does not pass the check.
     """
 
     def __init__(
@@ -143,6 +152,7 @@ class TorqueFilter:
         limits: Limits | None = None,
         metric: Literal["effort", "inertia"] | ArrayLike = "effort",
         storage: bool = True,
+        solver: SolverName = "daqp",
     ) -> None:
         check_system(system)
         self.system = system
@@ -155,8 +165,9 @@ class TorqueFilter:
         effort = self.limits.effort
         bounded = np.isfinite(effort)
         self._scale: Array = np.where(bounded, effort, _NO_EFFORT_LIMIT)
-        self._highest: Array = np.where(bounded, 1.0, UNBOUNDED)
-        self._zero = np.zeros(system.n)
+        self._zero, self._unlimited = np.zeros(n), np.full(n, np.inf)
+        highest: Array = np.where(bounded, 1.0, UNBOUNDED)
+        self._effort_box = _Box(-effort, effort, self._zero, self._scale, -highest, highest)
         self._friction = None if system.friction is None else FrictionPrediction(system, period, self.limits.velocity)
         self._dry = self._friction if self._friction is not None and self._friction.is_dry else None
         self._has_infinite_bounds = not (bounded.all() and np.isfinite(self.limits.velocity).all())
@@ -171,8 +182,8 @@ class TorqueFilter:
         else:
             self._metric = np.array(gain("metric", metric, n))
         self._inverse_input = None if system.input_matrix is None else np.linalg.inv(system.input_matrix)
-        self._program, self._least_excess = TorqueProgram(n), LeastExcess(n)
-        self._identity = np.eye(n)
+        self._program, self._least_excess = TorqueProgram(n, solver), LeastExcess(n, solver)
+        self._rows = self._program.rows[:-1], self._program.lower[:-1], self._program.upper[:-1]
         self._is_separable = self._metric is None and not self._inertial
         self.reset()
 
@@ -204,12 +215,12 @@ class TorqueFilter:
             external_force: f_e [N·m] as far as it is known, for the prediction.
             port: of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
-        low, high = self._range(previous)
-        nearest = clipped(torque, low, high)
-        unchanged = bool(np.logical_and.reduce(nearest == torque))
+        torque = np.ascontiguousarray(torque, dtype=float)
+        box = self._box(previous)
+        nearest, unchanged = kernels.nearest_torque(torque, box.low, box.high)
         motion = self._motion(x, external_force)
         bounds = self._bounds(x, motion)
-        velocity = self._next_velocity(x, motion, nearest)
+        velocity = motion.next_velocity(nearest)
         condition = StorageCondition(port, self.system.input_matrix) if port is not None and self.storage else None
         if (
             (unchanged or self._is_separable)
@@ -219,41 +230,42 @@ class TorqueFilter:
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
             return FilteredTorque(nearest, status, 0.0, 0.0)
-        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, nearest, velocity)
+        return self._solve(x, torque, box, motion, bounds, condition, nearest, velocity)
 
-    def _range(self, previous: Array | None) -> tuple[Array, Array]:
-        """Return the lowest and the highest torque by effort and rate [N·m]."""
-        limit = self.limits.effort
+    def _box(self, previous: Array | None) -> _Box:
+        """Return the torques that effort and rate allow, with their scales."""
         if previous is None or not self._has_rate:
-            return -limit, limit
-        start = clipped(previous, -limit, limit)
-        return np.maximum(start - self._rate_bound, -limit), np.minimum(start + self._rate_bound, limit)
+            if not self._has_rate:
+                return self._effort_box
+            previous, step = self._zero, self._unlimited
+        else:
+            previous, step = np.ascontiguousarray(previous, dtype=float), self._rate_bound
+        low, high, centre, reach = kernels.torque_range(previous, self.limits.effort, step)
+        if self._has_infinite_bounds:
+            free = np.isinf(reach)
+            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
+            highest = np.where(free, UNBOUNDED, 1.0)
+            return _Box(low, high, centre, reach, -highest, highest)
+        return _Box(low, high, centre, reach, self._effort_box.lowest, self._effort_box.highest)
 
     def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
         """Return what the prediction needs."""
-        force: Array = x.coriolis_matrix.dot(x.velocity)
-        force += x.potential_gradient
-        matrix, friction = x.mass_matrix, self._friction
+        friction, velocity, matrix = self._friction, x.velocity, self.system.input_matrix
+        viscous = implicit = None
         if friction is not None:
-            force += friction.viscous * x.velocity
-            matrix = matrix.copy()
-            matrix.ravel(order="K")[:: self.system.n + 1] += friction.implicit
-        factor = lapack.dpotrf(matrix.T, 1)[0]
-        response = dry = self._zero
-        if self._dry is not None:
-            response = self._response(factor, self._identity)
-            dry = self._dry.expected(x.velocity, x.damping, response)
-            force += dry
-        np.negative(force, out=force)
+            viscous, implicit = friction.viscous, friction.implicit
         if external_force is not None:
-            force += external_force
-        return _Motion(matrix, factor, force, response, dry)
-
-    def _response(self, factor: Array, forces: Array) -> Array:
-        """Return h(M + hθF_v)⁻¹ times the columns of a matrix."""
-        response: Array = lapack.dpotrs(factor, forces, 1)[0]
-        response *= self.period
-        return response
+            external_force = np.ascontiguousarray(external_force, dtype=float)
+        inertia, response, force = kernels.predicted_motion(
+            velocity, x.mass_matrix, x.coriolis_matrix, x.potential_gradient, viscous, implicit, external_force,
+            self.period,
+        )  # fmt: skip
+        dry = self._zero
+        if self._dry is not None:
+            dry = self._dry.expected(velocity, x.damping, response)
+            force -= dry
+        effect = response if matrix is None else response.dot(matrix)
+        return _Motion(inertia, response, force, dry, kernels.moved(velocity, response, force), effect)
 
     def _bounds(self, x: MechanicalState, motion: _Motion) -> _Bounds:
         """Return the bounds of the next velocity."""
@@ -266,52 +278,36 @@ class TorqueFilter:
             aimed = _reconciled(x.velocity, true, predicted)
         return _Bounds(true, predicted, aimed)
 
-    def _next_velocity(self, x: MechanicalState, motion: _Motion, torque: Array) -> Array:
-        """Return v⁺ under a torque [rad/s]."""
-        matrix = self.system.input_matrix
-        total = motion.force + (torque if matrix is None else matrix.dot(torque))
-        velocity: Array = lapack.dpotrs(motion.factor, total, 1)[0]
-        velocity *= self.period
-        velocity += x.velocity
-        return velocity
-
     def _braking(self, x: MechanicalState, motion: _Motion, bounds: tuple[Array, Array], box: _Box) -> Array:
         """Return the braking torque: to the velocity bounds, or damping inside them; inside the box [N·m]."""
-        v, fastest = x.velocity, self._braking_step
-        change = np.minimum(np.maximum(v * -(self.period / _DAMPING_TIME), -fastest), fastest)
-        change = np.minimum(np.maximum(change, bounds[0] - v), bounds[1] - v)
-        wanted = motion.inertia.dot(change)
-        wanted /= self.period
-        wanted -= motion.force
+        wanted = kernels.braking_torque(
+            x.velocity, motion.inertia, motion.force, *bounds, self._braking_step, self.period,
+            self.period / _DAMPING_TIME,
+        )  # fmt: skip
         if self._inverse_input is not None:
             wanted = self._inverse_input.dot(wanted)
-        return clipped(wanted, box.low, box.high)
+        return kernels.nearest_torque(wanted, box.low, box.high)[0]
 
     def _widen(self, rows: Array, lower: Array, upper: Array, box: _Box, preferred: Array) -> Array:
         """Widen the velocity bounds as far as they cannot be kept; return a z that keeps them then.
 
         It is the one with the least excess, near the preferred z, which takes its place where there is no answer.
         """
-        found = self._least_excess.solve(rows, lower, upper, box.extent, preferred)
+        found = self._least_excess.solve(rows, lower, upper, box.highest, preferred)
         z = preferred if found is None else found
-        reached = rows.dot(z)
-        np.minimum(lower, reached - _ROOM, out=lower)
-        np.maximum(upper, reached + _ROOM, out=upper)
+        kernels.widen(rows, z, _ROOM, lower, upper)
         return z
 
     def _hessian(self, motion: _Motion, reach: Array) -> Array | None:
         """Return the metric for z, of order one; None for the identity."""
         if self._inertial:
-            metric = lapack.dpotrs(motion.factor, self._identity, 1)[0]
+            metric = motion.response
         elif self._metric is not None:
             metric = self._metric
         elif not self._has_rate:
             return None
         else:
-            weights = reach / self._scale
-            weights *= weights
-            weights *= weights.size / np.add.reduce(weights)
-            return self._identity * weights
+            return kernels.effort_metric(reach, self._scale)
         hessian = metric * reach[:, None] * reach
         result: Array = hessian * (self.system.n / np.trace(hessian))
         return result
@@ -328,15 +324,11 @@ class TorqueFilter:
         velocity: Array,
     ) -> FilteredTorque:
         program, centre, reach = self._program, box.centre, box.reach
-        farthest = _FARTHEST * reach
-        desired = clipped(desired, centre - farthest, centre + farthest)
-        matrix = self.system.input_matrix
-        if self._dry is not None and matrix is None:
-            effect = motion.response
-        else:
-            effect = self._response(motion.factor, self._identity if matrix is None else matrix)
-        drift = velocity - effect.dot(nearest)  # the next velocity without motors
-        rows, lower, upper = program.rows[:-1], program.lower[:-1], program.upper[:-1]
+        wanted, is_near = kernels.scaled(desired, centre, reach, _FARTHEST)
+        if not is_near:
+            desired = centre + reach * wanted
+        effect, drift = motion.effect, motion.drift
+        rows, lower, upper = self._rows
         safe = self._braking(x, motion, bounds.aimed, box)
         keeps = kernels.motion_rows(effect, reach, centre, drift, *bounds.aimed, safe, _ROOM, rows, lower, upper)
         if self._has_infinite_bounds:
@@ -345,14 +337,14 @@ class TorqueFilter:
         feasible = box.scaled(safe)
         if not keeps:
             feasible = self._widen(rows, lower, upper, box, feasible)
-        hessian, gradient = self._hessian(motion, reach), -box.scaled(desired)
+        hessian, gradient = self._hessian(motion, reach), -wanted
         if hessian is not None:
             gradient = hessian.dot(gradient)
-        problem = Problem(hessian, gradient, rows, lower, upper, -box.extent, box.extent)
+        problem = Problem(hessian, gradient, rows, lower, upper, box.lowest, box.highest)
 
         def result(status: FilterStatus, answer: Array | None) -> FilteredTorque:
             torque = box.torque(feasible if answer is None else answer)
-            reached, growth = drift + effect.dot(torque), 0.0
+            reached, growth = motion.next_velocity(torque), 0.0
             if condition is not None:
                 growth = max(0.0, condition.power(torque - desired, reached - x.velocity) - allowed)
             return FilteredTorque(torque, status, kernels.bound_excess(reached, *bounds.predicted), growth)
@@ -360,32 +352,21 @@ class TorqueFilter:
         if condition is None:
             found = result(*program.solve(problem, feasible))
         else:
-            change, kick = nearest - desired, velocity - x.velocity
-            allowed = condition.allowed(kick - effect.dot(change))
+            allowed = condition.allowed(motion.next_velocity(desired) - x.velocity)
             without = None if program.is_constrained else result(*program.solve(problem, feasible))
             if without is None or without.storage_excess > 0.0:
-                surplus, slope = condition.power(change, kick) - allowed, condition.slope(change, kick, effect)
-                constraint = _scaled(surplus, slope, condition.curvature(effect), box.scaled(nearest), reach)
+                change, kick = nearest - desired, velocity - x.velocity
+                surplus = condition.power(change, kick) - allowed
+                constraint = condition.scaled(surplus, change, kick, effect, box.scaled(nearest), reach)
                 found = result(*program.solve(problem, feasible, constraint))
             else:
                 found = without
         self.counts[found.status] += 1
         if self._dry is None or not found.motion_excess > ROOM:
             return found
-        reached = drift + effect.dot(found.torque)
+        reached = motion.next_velocity(found.torque)
         excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess)
         return found._replace(motion_excess=excess)
-
-    def _box(self, low: Array, high: Array) -> _Box:
-        """Return the box with its scales."""
-        if not self._has_rate:
-            return _Box(low, high, self._zero, self._scale, self._highest)
-        centre, reach = 0.5 * (low + high), 0.5 * (high - low)
-        if self._has_infinite_bounds:
-            free = np.isinf(reach)
-            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
-            return _Box(low, high, centre, reach, np.where(free, UNBOUNDED, 1.0))
-        return _Box(low, high, centre, reach, self._highest)
 
 
 def _reconciled(velocity: Array, true: tuple[Array, Array], predicted: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -394,10 +375,3 @@ def _reconciled(velocity: Array, true: tuple[Array, Array], predicted: tuple[Arr
     contrary = lowest > highest
     middle = np.where(velocity > true[1], highest, np.where(velocity < true[0], lowest, 0.5 * (lowest + highest)))
     return np.where(contrary, middle, lowest), np.where(contrary, middle, highest)
-
-
-def _scaled(excess: float, slope: Array, curvature: Array, centre: Array, reach: Array) -> QuadraticConstraint | None:
-    """Return the storage condition for z, of order one; None where no torque has a lever on H_d."""
-    slope, curvature = slope * reach, curvature * reach * reach[:, None]
-    size = float(np.abs(slope).sum()) + float(curvature.trace())
-    return QuadraticConstraint(centre, excess / size, slope / size, curvature / size) if size > _NO_LEVER else None

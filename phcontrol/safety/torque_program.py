@@ -7,9 +7,11 @@ import math
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.safety import kernels
 from phcontrol.safety.filter_status import FilterStatus
+from phcontrol.safety.problem import Problem
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.quadratic_program import QuadraticProgram, SolverName
 
 _INSISTENCE = 1e6  # weight of the quadratic condition against distance, once it cannot be met
 _MOST_TANGENTS = 8
@@ -28,15 +30,15 @@ class TorqueProgram:
 
     Args:
         n: number of unknowns; as many rows C.
+        solver: that is asked first.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, solver: SolverName = "daqp") -> None:
         self._n = n
         self.rows = np.zeros((n + 1, n))
         """C, to be written before each solution, and a row for the tangent."""
         self.lower, self.upper = np.zeros(n + 1), np.zeros(n + 1)
-        self._identity = np.eye(n)
-        self._bounded, self._free = QuadraticProgram(n, n + 1), QuadraticProgram(n, n)
+        self._bounded, self._free = QuadraticProgram(n, n + 1, solver), QuadraticProgram(n, n, solver)
         self.reset()
 
     def reset(self) -> None:
@@ -81,14 +83,14 @@ class TorqueProgram:
         self, free: Problem, constraint: QuadraticConstraint, feasible: Array, weight: float = _INSISTENCE
     ) -> Array | None:
         """Return the optimum with the constraint's left side, weighed, in the objective."""
-        bent = self._bent(free, constraint, weight, constraint.centre)
-        return self._free.solve(bent._replace(gradient=bent.gradient + weight * constraint.slope), feasible)
+        centre, _, slope, curvature = constraint
+        bent = kernels.bent(free.hessian, free.gradient, weight, curvature, centre, slope)
+        return self._free.solve(Problem(*bent, *free[2:]), feasible)
 
     def _bent(self, free: Problem, constraint: QuadraticConstraint, weight: float, z: Array) -> Problem:
         """Return the problem with ½·weight·(y − z)ᵀK(y − z) in the objective, K the constraint's curvature."""
-        curvature = weight * constraint.curvature
-        hessian = curvature + (self._identity if free.hessian is None else free.hessian)
-        return free._replace(hessian=hessian, gradient=free.gradient - curvature.dot(z))
+        hessian, gradient = kernels.bent(free.hessian, free.gradient, weight, constraint.curvature, z, None)
+        return Problem(hessian, gradient, *free[2:])
 
     def _by_tangents(
         self, free: Problem, constraint: QuadraticConstraint, feasible: Array | None = None
@@ -106,7 +108,7 @@ class TorqueProgram:
                 return None
             rows[n], lower[n], upper[n] = row, -extent - 1.0, min(bound, extent + 1.0)
             bent = self._bent(free, constraint, weight, z) if weight > 0.0 else free
-            answer = self._bounded.solve(bent._replace(rows=rows, lower=lower, upper=upper), feasible)
+            answer = self._bounded.solve(Problem(bent[0], bent[1], rows, lower, upper, *free[5:]), feasible)
             if answer is None:
                 return None
             found = max(0.0, float(self._bounded.multipliers[n])) / length if length else 0.0
@@ -145,11 +147,5 @@ def _proves(free: Problem, constraint: QuadraticConstraint, insisted: Array) -> 
 
     z minimises φ(y) + ρ q(y), φ the distance. So any y has q(y) ≥ q(z) − (max φ − φ(z))/ρ, the maximum over the box.
     """
-    H = free.hessian
-    if H is None:
-        near, far = 0.5 * insisted.dot(insisted), 0.5 * free.highest.dot(free.highest)
-    else:
-        near, far = 0.5 * insisted.dot(H.dot(insisted)), 0.5 * free.highest.dot(np.abs(H).dot(free.highest))
-    near += free.gradient.dot(insisted)
-    far += np.abs(free.gradient).dot(free.highest)
-    return bool(constraint.value(insisted) > (far - near) / _INSISTENCE)
+    more = kernels.farther(free.hessian, free.gradient, insisted, free.highest)
+    return constraint.value(insisted) > more / _INSISTENCE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from phcontrol import Controller, Gain, NotTraceableError, Target, Vector, compile_law
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
+from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
 from phcontrol.compilation.symbol import TRACING
 from phcontrol.compilation.tracing import tracing
 from phcontrol.controllers.shaping import Shaping
@@ -209,8 +209,18 @@ def test_other_threads_get_plain_functions_while_one_traces():
 
     def ask():
         assert threading.get_ident() not in TRACING
-        made = [np_.zeros(2, FLOAT), np_.ones(2, FLOAT), np_.full(2, 3.0), np_.array([1, 2], FLOAT), np_.empty(2)]
-        made += [np_.zeros_like(np.ones(2)), np.asarray([1, 2], dtype=FLOAT), np.ones(2, int).astype(FLOAT)]
+        made = [
+            np_.zeros(2, BUILT_IN["float"]),
+            np_.ones(2, BUILT_IN["float"]),
+            np_.full(2, 3.0),
+            np_.array([1, 2], BUILT_IN["float"]),
+            np_.empty(2),
+        ]
+        made += [
+            np_.zeros_like(np.ones(2)),
+            np.asarray([1, 2], dtype=BUILT_IN["float"]),
+            np.ones(2, int).astype(BUILT_IN["float"]),
+        ]
         found.append([type(array) is np.ndarray and array.dtype == np.float64 for array in made])
         found.append([np_.maximum.reduce([1.0, 3.0]) == 3.0, np_.clip(np.ones(2), max=0.5)[0] == 0.5])
         found.append([np_.linalg.norm(np.ones((2, 2)), axis=0).shape == (2,), np_.nan_to_num(np.nan) == 0.0])
@@ -219,5 +229,5 @@ def test_other_threads_get_plain_functions_while_one_traces():
         thread = threading.Thread(target=ask)
         thread.start()
         thread.join()
-        assert np_.zeros(2, FLOAT).dtype == object  # and here symbols find room
+        assert np_.zeros(2, BUILT_IN["float"]).dtype == object  # and here symbols find room
     assert [all(answers) for answers in found] == [True] * 3

@@ -56,7 +56,7 @@ def test_a_law_of_two_joints(name, single, shoulder, compiler, tmp_path):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("name", ["force_feedback", "tracking", "hamiltonian_servo"])
+@pytest.mark.parametrize("name", ["force_feedback", "tracking", "hamiltonian_servo", "cartesian_impedance"])
 @pytest.mark.parametrize("single", [False, True])
 def test_laws_of_the_panda_by_the_command_and_cmake(name, single, compiler, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -8,7 +8,7 @@ import casadi
 import numpy as np
 import pytest
 
-from phcontrol.compilation.arithmetic import FLOAT, STAND_INS
+from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.linear_algebra import eliminate, factor, solve, solve_square, solve_transposed
 from phcontrol.compilation.symbol import Guards, Symbol, symbols
@@ -147,9 +147,9 @@ def test_what_would_lose_the_expression_is_refused():
         math.sin(x)
     with pytest.raises(NotTraceableError, match="eigh"):
         np_.linalg.eigh(symbols([[x, 0.0], [0.0, x]]))
-    assert FLOAT(x) is x
-    assert FLOAT("1.5") == 1.5
-    assert isinstance(1.5, FLOAT)
+    assert BUILT_IN["float"](x) is x
+    assert BUILT_IN["float"]("1.5") == 1.5
+    assert isinstance(1.5, BUILT_IN["float"])
 
 
 def test_factors_and_solutions_are_those_of_numpy(rng):

@@ -101,7 +101,7 @@ def test_viscous_friction_of_a_single_joint_is_predicted_exactly(damping, torque
     system = MechanicalSystem(load_robot("pera_gripper"), friction=StribeckFriction(viscous=damping))
     x = system.at(system.robot.home, np.array([speed]))
     filter_ = TorqueFilter(system, period=period, limits=Limits(system, effort=1e4, velocity=1e3))
-    predicted = filter_._next_velocity(x, filter_._motion(x, None), np.array([torque]))
+    predicted = filter_._motion(x, None).next_velocity(np.array([torque]))
     force, decay = torque - x.potential_gradient, np.exp(-period * damping / x.mass_matrix[0, 0])
     exact = decay * speed + (1.0 - decay) * force / damping
     np.testing.assert_allclose(predicted, exact, rtol=1e-6, atol=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,18 @@ from daqp import solve as daqp_solve
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phcontrol.safety.quadratic_program import Problem
+from phcontrol.safety.problem import Problem
 
 IMPLEMENTATIONS = {"numpy": importlib.import_module("phcontrol.safety._numpy")}
 with contextlib.suppress(ImportError):  # where no compiler was at hand
-    IMPLEMENTATIONS["compiled"] = importlib.import_module("phcontrol.safety._compiled")
+    IMPLEMENTATIONS["compiled"] = SimpleNamespace(
+        **vars(importlib.import_module("phcontrol.safety._compiled")),
+        **{
+            name: kernel
+            for name, kernel in vars(importlib.import_module("phcontrol.safety._compiled_program")).items()
+            if not name.startswith("_")
+        },
+    )
 
 every_implementation = pytest.mark.parametrize("kernels", IMPLEMENTATIONS.values(), ids=IMPLEMENTATIONS)
 seeds = st.integers(0, 2**32 - 1)
@@ -156,6 +164,9 @@ def test_the_right_active_constraints_give_the_optimum(kernels, seed, with_hessi
     assert step is not None
     np.testing.assert_allclose(step[0], z, atol=1e-7)
     np.testing.assert_allclose(step[1], forces, atol=1e-6)
+    np.testing.assert_array_equal(step[2], np.clip(step[0], moved.lowest, moved.highest))
+    rows = np.ascontiguousarray(step[1][: moved.lower.size])
+    np.testing.assert_allclose(step[3:], kernels.residuals(*moved, step[2], rows), atol=1e-15)
 
 
 @every_implementation
@@ -194,6 +205,27 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
         compiled.passed_velocities(z, z, z, 0.0, np.zeros(n + 1), np.zeros(3 * n))
     with pytest.raises(ValueError, match="response"):
         compiled.expected_friction(z, z, z, np.eye(n + 1))
+    with pytest.raises(ValueError, match="inertia must be C-ordered"):
+        compiled.braking_torque(z, np.asfortranarray(np.ones((n, n))), z, z, z, z, 1e-3, 0.1)
+    with pytest.raises(ValueError, match="external"):
+        compiled.predicted_motion(z, np.eye(n), np.eye(n), z, None, None, np.zeros(n + 1), 1e-3)
+    with pytest.raises(ValueError, match="push"):
+        compiled.moved(z, np.eye(n), np.zeros(n + 1))
+    for kernel, arguments in (
+        (compiled.nearest_torque, [z] * 3), (compiled.torque_range, [z] * 3), (compiled.effort_metric, [z] * 2),
+        (compiled.torque_at, [z] * 5), (compiled.widen, [np.eye(n), z, 0.1, z, z]),
+        (compiled.elastic_bounds, [np.eye(n), z, z, z, z]), (compiled.farther, [None, z, z, z]),
+        (compiled.mean_power, [z, z, 0.0, z, z, z]), (compiled.parabola, [z, z, 0.0, z, np.eye(n)]),
+        (compiled.tangent, [z, z, 0.0, z, np.eye(n)]), (compiled.bent, [None, z, 1.0, np.eye(n), z, None]),
+        (compiled.storage_parabola, [z, z, z, z, np.eye(n), np.eye(n), z]), (compiled.scaled, [z, z, z, 1.0]),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match="arguments"):
+            kernel(*arguments[:-1])
+        for place, value in enumerate(arguments):
+            if isinstance(value, np.ndarray):
+                wrong = [*arguments[:place], np.ones(tuple(k + 1 for k in value.shape)), *arguments[place + 1 :]]
+                with pytest.raises(ValueError, match="must be"):
+                    kernel(*wrong)
     with pytest.raises(ValueError, match="edges"):
         compiled.speed_bounds(z, z, 1e-3, z, z, z, z, 0.05, z)
 
@@ -245,3 +277,164 @@ def test_the_expected_friction_balances_the_velocity_it_leaves(kernels, seed, si
     response = np.asfortranarray(rng.uniform(0.0, 0.2, (size, size)))
     torque = kernels.expected_friction(v, damping, viscous, response)
     np.testing.assert_allclose(torque, (damping - viscous) * (v - response.diagonal() * torque), atol=1e-9)
+
+
+def positive_definite(rng, size):
+    root = rng.normal(size=(size, size))
+    return np.eye(size) + root @ root.T
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 9), has=st.tuples(st.booleans(), st.booleans()))
+def test_the_predicted_motion_obeys_newton(kernels, seed, size, has):
+    """M⁺ v⁺ = M⁺ v + h(f_e + push − C v − F_v v − ∂V/∂q)."""
+    rng = np.random.default_rng(seed)
+    M, C, gradient, v, push = positive_definite(rng, size), *(rng.normal(size=s) for s in ((size, size), *[size] * 3))
+    viscous, implicit = rng.uniform(0.0, 1.0, (2, size))
+    force = rng.normal(size=size)
+    inertia, response, own = kernels.predicted_motion(
+        v, M, np.asfortranarray(C), gradient, viscous if has[0] else None, implicit if has[0] else None,
+        force if has[1] else None, 2e-3,
+    )  # fmt: skip
+    total = push - C @ v - gradient
+    if has[0]:
+        M, total = M + np.diag(implicit), total - viscous * v
+    if has[1]:
+        total = total + force
+    np.testing.assert_allclose(inertia, M)
+    following = kernels.moved(v, response, own + push)
+    np.testing.assert_allclose(M @ (following - v) / 2e-3, total, rtol=1e-9, atol=1e-9)
+
+
+@every_implementation
+def test_an_inertia_that_is_not_positive_definite_is_said(kernels):
+    zero, M = np.zeros(2), np.array([[1.0, 2.0], [2.0, 1.0]])
+    for bad in (M, np.full((2, 2), np.nan)):
+        with pytest.raises(ArithmeticError, match="positive definite"):
+            kernels.predicted_motion(zero, bad, np.eye(2), zero, None, None, None, 1e-3)
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 9))
+def test_the_braking_force_changes_the_velocity_into_its_bounds(kernels, seed, size):
+    rng = np.random.default_rng(seed)
+    M, (v, force) = positive_definite(rng, size), rng.normal(size=(2, size))
+    lowest, fastest, h = rng.normal(size=size), rng.uniform(0.0, 0.5, size), 1e-3
+    highest = lowest + rng.uniform(0.0, 1.0, size)
+    wanted = kernels.braking_torque(v, M, force, lowest, highest, fastest, h, 0.1)
+    following = v + h * np.linalg.solve(M, wanted + force)
+    for i in range(size):
+        alone = v[i] - np.clip(0.1 * v[i], -fastest[i], fastest[i])
+        assert following[i] == pytest.approx(np.clip(alone, lowest[i], highest[i]), abs=1e-9)
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 9))
+def test_torques_and_what_they_are_scaled_to(kernels, seed, size):
+    rng = np.random.default_rng(seed)
+    limit, step = rng.uniform(0.5, 2.0, size), rng.choice([0.01, 0.3, np.inf], size)
+    previous, torque = 2.0 * rng.normal(size=(2, size))
+    low, high, centre, reach = kernels.torque_range(previous, limit, step)
+    nearest, same = kernels.nearest_torque(torque, low, high)
+    for i in range(size):
+        start = min(max(previous[i], -limit[i]), limit[i])
+        assert (low[i], high[i]) == (max(start - step[i], -limit[i]), min(start + step[i], limit[i]))
+        assert nearest[i] == min(max(torque[i], low[i]), high[i])
+    assert same == (nearest.tolist() == torque.tolist())
+    assert kernels.nearest_torque(nearest, low, high)[1]
+    z, inside = kernels.scaled(torque, centre, reach, np.inf)
+    assert inside
+    np.testing.assert_allclose(kernels.torque_at(z, centre, reach, low, high), nearest, atol=1e-12)
+    near, inside = kernels.scaled(torque, centre, reach, 1.5)
+    assert inside == (np.abs(z) <= 1.5).all()
+    np.testing.assert_array_equal(near, np.clip(z, -1.5, 1.5))
+    scale = rng.uniform(0.5, 2.0, size)
+    metric = kernels.effort_metric(reach, scale)
+    ratio = (z @ metric @ z) / ((reach * z / scale) ** 2).sum() if z.any() else 0.0
+    assert metric.trace() == pytest.approx(size)
+    if z.any():
+        assert ratio == pytest.approx(size / ((reach / scale) ** 2).sum())
+
+
+@every_implementation
+@given(seed=seeds, with_hessian=st.booleans())
+def test_a_bent_objective_and_the_parabola_that_bends_it(kernels, seed, with_hessian):
+    """Up to a constant it is φ(y) + w(½(y − z)ᵀK(y − z) + sᵀy), and a tangent touches its parabola and stays below."""
+    rng = np.random.default_rng(seed)
+    problem = random_problem(seed, with_hessian=with_hessian)
+    n, weight = problem.gradient.size, float(rng.uniform(0.1, 10.0))
+    K, (z, slope, centre) = positive_definite(rng, n), rng.normal(size=(3, n))
+    H = np.eye(n) if problem.hessian is None else problem.hessian
+
+    def distance(y):
+        return 0.5 * y @ H @ y + problem.gradient @ y
+
+    def left_side(y):
+        return 0.3 + slope @ (y - centre) + 0.5 * (y - centre) @ K @ (y - centre)
+
+    for added in (None, slope):
+        hessian, gradient = kernels.bent(problem.hessian, problem.gradient, weight, K, z, added)
+        ys = rng.normal(size=(3, n))
+        values = [
+            0.5 * y @ hessian @ y + gradient @ y - distance(y) - weight * 0.5 * (y - z) @ K @ (y - z)
+            - (0.0 if added is None else weight * slope @ y)
+            for y in ys
+        ]  # fmt: skip
+        np.testing.assert_allclose(values, values[0], rtol=1e-9, atol=1e-9)
+    assert kernels.parabola(z, centre, 0.3, slope, K) == pytest.approx(left_side(z))
+    row, bound, length = kernels.tangent(z, centre, 0.3, slope, K)
+    for y in (z, *ys):
+        below = length * (row @ y - bound)
+        assert below <= left_side(y) + 1e-9
+    assert length * (row @ z - bound) == pytest.approx(left_side(z), abs=1e-9)
+    assert np.linalg.norm(row) == pytest.approx(1.0)
+    flat = kernels.tangent(centre, centre, 0.3, np.zeros(n), K)
+    assert (flat[0].tolist(), flat[1:]) == ([0.0] * n, (-0.3, 0.0))
+    inside = rng.uniform(-1.0, 1.0, n)
+    more = kernels.farther(problem.hessian, problem.gradient, inside, problem.highest)
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * n)).reshape(n, -1)
+    assert more >= max(distance(corner) for corner in corners.T) - distance(inside) - 1e-9
+    if problem.hessian is None:
+        assert more == pytest.approx(max(distance(corner) for corner in corners.T) - distance(inside))
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 8))
+def test_the_scaled_mean_power_is_the_mean_power(kernels, seed, size):
+    rng = np.random.default_rng(seed)
+    output, resistance, change, base = rng.normal(size=(4, size))
+    effect, reach = positive_definite(rng, size), rng.uniform(0.5, 2.0, size)
+
+    def power(delta):
+        kick = base + effect @ delta
+        return kernels.mean_power(output, resistance, 0.7, delta, kick, delta)
+
+    expected = output @ change - 0.7 + 0.5 * (base + effect @ change) @ (change - resistance)
+    assert power(change) == pytest.approx(expected)
+    kick = base + effect @ change
+    size_of, slope, curvature = kernels.storage_parabola(output, resistance, change, kick, effect, effect, reach)
+    step = rng.normal(size=size)
+    parabola = power(change) + size_of * (slope @ step + 0.5 * step @ curvature @ step)
+    assert parabola == pytest.approx(power(change + reach * step), rel=1e-9, abs=1e-9)
+    assert np.abs(slope).sum() + curvature.trace() == pytest.approx(1.0)
+    zero = np.zeros(size)
+    assert kernels.storage_parabola(zero, zero, zero, zero, 0.0 * effect, 0.0 * effect, reach)[0] == 0.0
+
+
+@every_implementation
+@given(seed=seeds, size=st.integers(1, 8))
+def test_elastic_bounds_are_met_by_the_point_beside_them(kernels, seed, size):
+    rng = np.random.default_rng(seed)
+    rows, lower, preferred = rng.normal(size=(size, size)), 3.0 * rng.normal(size=size), 2.0 * rng.normal(size=size)
+    upper, extent = lower + rng.uniform(0.0, 1.0, size), rng.uniform(0.5, 2.0, size)
+    low, high, point = kernels.elastic_bounds(rows, lower, upper, extent, preferred)
+    z, s = point[:size], point[size:]
+    np.testing.assert_array_equal(z, np.clip(preferred, -extent, extent))
+    assert ((rows @ z + s >= low - 1e-12) & (rows @ z + s <= high + 1e-12)).all()
+    reach = np.abs(rows) @ extent + 1.0
+    np.testing.assert_allclose(low, np.minimum(lower, reach))
+    np.testing.assert_allclose(high, np.maximum(upper, -reach))
+    wide_low, wide_high = low.copy(), high.copy()
+    kernels.widen(rows, z, 0.01, wide_low, wide_high)
+    np.testing.assert_allclose(wide_low, np.minimum(low, rows @ z - 0.01))
+    np.testing.assert_allclose(wide_high, np.maximum(high, rows @ z + 0.01))

@@ -20,7 +20,8 @@ from phcontrol import (
 )
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.problem import Problem
+from phcontrol.safety.quadratic_program import QuadraticProgram
 from phcontrol.safety.storage_condition import StorageCondition
 from tests.conftest import make_system
 from tests.safety.random_cases import run
@@ -177,7 +178,7 @@ def test_with_dry_friction_too_the_storage_function_grows_by_no_more_than_predic
         change = rng.choice([0.05, 0.3]) * system.robot.effort_limit * rng.normal(size=n)
         own, grown = (held(system, controller, x, state, rate, u, PERIOD) for u in (desired, desired + change))
         motion = filter_._motion(x, None)
-        kicks = [filter_._next_velocity(x, motion, u) - x.velocity for u in (desired, desired + change)]
+        kicks = [motion.next_velocity(u) - x.velocity for u in (desired, desired + change)]
         predicted = condition.power(change, kicks[1]) - condition.allowed(kicks[0])
         missed.append(max(0.0, grown - max(0.0, own)) - max(0.0, predicted))
         sizes.append(abs(grown))

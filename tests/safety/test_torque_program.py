@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from phcontrol import FilterStatus
+from phcontrol.safety.problem import Problem
 from phcontrol.safety.quadratic_constraint import QuadraticConstraint
-from phcontrol.safety.quadratic_program import Problem, QuadraticProgram
+from phcontrol.safety.quadratic_program import QuadraticProgram
 from phcontrol.safety.torque_program import TorqueProgram
 
 
@@ -105,7 +106,7 @@ def test_a_feasible_point_is_said_to_be_no_more_than_that(program, monkeypatch):
 
 
 def test_where_the_solver_fails_the_way_from_a_feasible_point_finds_the_optimum(program, monkeypatch):
-    monkeypatch.setattr(QuadraticProgram, "_attempt", lambda self, problem: None)
+    monkeypatch.setattr(QuadraticProgram, "_attempt", lambda self, solver, problem: None)
     status, z = solve(program, [3.0, 4.0], disc(1.0))
     assert status == FilterStatus.SOLVED
     np.testing.assert_allclose(z, [0.6, 0.8], atol=1e-9)
@@ -125,7 +126,7 @@ def test_the_way_from_a_feasible_point_ends_where_another_solver_does(seed, monk
     lower, upper = rows @ feasible - rng.uniform(0.0, 0.3, n), rows @ feasible + rng.uniform(0.0, 0.3, n)
     hessian, gradient, extent = np.eye(n) + root @ root.T, 20.0 * rng.normal(size=n), np.ones(n)
     problem = Problem(hessian, gradient, rows, lower, upper, -extent, extent)
-    monkeypatch.setattr(QuadraticProgram, "_attempt", lambda self, problem: None)
+    monkeypatch.setattr(QuadraticProgram, "_attempt", lambda self, solver, problem: None)
     z = QuadraticProgram(n, n).solve(problem, feasible)
     bounds = np.concatenate([extent, upper]), np.concatenate([-extent, lower])
     reference, _, flag, _ = daqp.solve(hessian, gradient, rows, *bounds, np.zeros(2 * n, dtype=np.int32))

@@ -1,0 +1,257 @@
+"""Eigenvalues and eigenvectors of symmetric matrices of symbols, in a number of operations that is always the same."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import weakref
+from typing import Any
+
+import casadi
+import numpy as np
+from scipy.linalg import lapack
+
+from phcontrol.compilation.symbol import Symbol, SymbolArray, is_symbolic, refuse, sample_of, symbols
+
+_SWEEPS = {2: 1, 3: 5, 4: 6, 5: 6, 6: 6}
+"""Times that all pairs are turned, by the size of the matrix; of 6, at 6000 postures of a UR5, 5 leave 4e-13."""
+LEFT = 1e-13
+"""Of the diagonal, what may be left beside it: eigenvalues are then true to its square."""
+_MORE = 3  # sweeps in C, which ends when nothing is left to turn
+_LEAST = 1e-34  # the square of an entry, of the product of those on the diagonal, below which it counts as 0
+_TINY = 1e-300  # under a root, so that what is not turned is not divided by 0
+
+
+class Eigenvalues:
+    """One decomposition in a trace: a function that is called in C, and whose results are symbols of their own.
+
+    Args:
+        size: n.
+        given: the lower triangle, row by row, a vector of ``casadi.SX``.
+    """
+
+    def __init__(self, size: int, given: Any) -> None:
+        self.number = next(_numbers)
+        """In the order in which decompositions were asked for."""
+        self.size, self.given = size, given
+        self.results = casadi.SX.sym(f"{_PREFIX}{self.number}", size + size * size + 1)
+        """Symbols: n eigenvalues in ascending order, n eigenvectors, and what is left beside the diagonal."""
+        _blocks[self.number] = self
+
+
+_PREFIX = "eigenvalues_"
+_numbers = itertools.count()
+_blocks: weakref.WeakValueDictionary[int, Eigenvalues] = weakref.WeakValueDictionary()
+
+
+def blocks_of(expressions: Any) -> list[Eigenvalues]:
+    """Return the decompositions whose results are in expressions, and those that they need, in the order of asking."""
+    found: dict[int, Eigenvalues] = {}
+    waiting = [expressions]
+    while waiting:
+        names = (symbol.name() for symbol in casadi.symvar(waiting.pop()))
+        numbers = {int(name[len(_PREFIX) :].partition("_")[0]) for name in names if name.startswith(_PREFIX)}
+        for number in numbers - set(found):
+            found[number] = _blocks[number]
+            waiting.append(found[number].given)
+    return [found[number] for number in sorted(found)]
+
+
+def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
+    """Return eigenvalues, in ascending order, eigenvectors and 0, as LAPACK does.
+
+    Jacobi's method, with a fixed number of sweeps in which pairs that do not touch each other are turned together;
+    that hardly anything is left beside the diagonal is a bound, outside of which the interpreted law answers.
+    Eigenvectors have no signs of their own, and those of equal eigenvalues no directions: functions of the matrix are
+    those of LAPACK's, single vectors need not be.
+    """
+    if not is_symbolic(matrix):
+        return lapack.dsyev(matrix, compute_v=compute_v, **options)
+    n = len(matrix)
+    if options or n not in _SWEEPS:
+        refuse(f"eigenvalues of a matrix of {n} rows, or with options, are not traced")
+    lower = [matrix[i, j] for i in range(n) for j in range(i + 1)]
+    guards = next((entry.guards for entry in lower if type(entry) is Symbol), None)
+    if guards is None:
+        return lapack.dsyev(np.array(matrix, dtype=float), compute_v=compute_v)
+    given = casadi.vertcat(*(_expression(entry) for entry in lower))
+    block = Eigenvalues(n, given)
+    guards.blocks.append(block)
+    samples = np.array(decomposition(n)(np.array([sample_of(entry) for entry in lower]))).ravel()
+    made = [
+        Symbol(one, float(sample), guards) for one, sample in zip(casadi.vertsplit(block.results), samples, strict=True)
+    ]
+    guards.bounds.append(made[-1].expression <= LEFT**2)
+    columns: SymbolArray = symbols(made[n:-1]).reshape(n, n).T.view(SymbolArray)
+    return symbols(made[:n]), columns, 0
+
+
+def written_out(expressions: Any) -> Any:
+    """Return expressions in which the results of decompositions are what they are computed by."""
+    for block in reversed(blocks_of(expressions)):
+        expressions = casadi.substitute(expressions, block.results, decomposition(block.size)(block.given))
+    return expressions
+
+
+def _expression(entry: Any) -> Any:
+    return entry.expression if type(entry) is Symbol else casadi.SX(float(entry))
+
+
+def _rounds(n: int) -> list[list[tuple[int, int]]]:
+    """Return all pairs of n, in rounds of pairs that do not touch each other."""
+    ring = list(range(n + n % 2))
+    rounds = []
+    for _ in range(len(ring) - 1):
+        half = len(ring) // 2
+        pairs = zip(ring[:half], reversed(ring[half:]), strict=True)
+        rounds.append([(min(pair), max(pair)) for pair in pairs if max(pair) < n])
+        ring = [ring[0], ring[-1], *ring[1:-1]]
+    return rounds
+
+
+@functools.cache
+def decomposition(n: int) -> Any:
+    """Return the function of a lower triangle's entries: eigenvalues, columns of vectors, and what is left beside.
+
+    The last is the square of the off-diagonal entries over that of the diagonal. It is what ``c_text`` is in C.
+    """
+    given = casadi.SX.sym("A", n * (n + 1) // 2)
+    entries = iter(casadi.vertsplit(given))
+    A = [[next(entries) for _ in range(i + 1)] for i in range(n)]
+    V: list[list[Any]] = [[casadi.SX(float(i == j)) for j in range(n)] for i in range(n)]  # V[k]: column k
+
+    def place(i: int, j: int) -> tuple[int, int]:
+        return (i, j) if i >= j else (j, i)
+
+    for sweep in range(_SWEEPS[n]):
+        for pairs in _rounds(n):
+            for p, q in pairs:
+                a, d = A[q][p], A[q][q] - A[p][p]
+                root = casadi.sqrt(d * d + 4.0 * (a * a) + _TINY)
+                tangent = (a + a) / (d + casadi.copysign(root, d))
+                cosine = 1.0 / casadi.sqrt(1.0 + tangent * tangent)
+                sine = tangent * cosine
+                A[p][p], A[q][q], A[q][p] = A[p][p] - tangent * a, A[q][q] + tangent * a, casadi.SX(0.0)
+                for k in range(n):
+                    if k in (p, q):
+                        continue
+                    (i, j), (r, s) = place(k, p), place(k, q)
+                    A[i][j], A[r][s] = cosine * A[i][j] - sine * A[r][s], sine * A[i][j] + cosine * A[r][s]
+                first = sweep == 0
+                V[p], V[q] = _turned(V[p], V[q], cosine, sine, first)
+    left = casadi.SX(0.0)
+    for i in range(n):
+        for j in range(i):
+            left += A[i][j] * A[i][j]
+    values = [A[i][i] for i in range(n)]
+    size = casadi.sum1(casadi.vertcat(*(value * value for value in values)))
+    for end in reversed(range(1, n)):  # in ascending order
+        for i in range(end):
+            falls = values[i] > values[i + 1]
+            values[i], values[i + 1] = casadi.fmin(values[i], values[i + 1]), casadi.fmax(values[i], values[i + 1])
+            V[i], V[i + 1] = _either(falls, V[i + 1], V[i]), _either(falls, V[i], V[i + 1])
+    vectors = [entry for column in V for entry in column]
+    return casadi.Function("eigenvalues", [given], [casadi.vertcat(*values, *vectors, left / (size + _TINY))])
+
+
+def _turned(first: list[Any], second: list[Any], cosine: Any, sine: Any, has_zeros: bool) -> tuple[Any, Any]:
+    """Return two columns turned; at first most of their entries are 0."""
+
+    def sum_of(a: Any, x: Any, b: Any, y: Any) -> Any:
+        terms = [factor * value for factor, value in ((a, x), (b, y)) if not (has_zeros and value.is_zero())]
+        return terms[0] + terms[1] if len(terms) == 2 else terms[0] if terms else casadi.SX(0.0)
+
+    pairs = list(zip(first, second, strict=True))
+    return [sum_of(cosine, x, -sine, y) for x, y in pairs], [sum_of(sine, x, cosine, y) for x, y in pairs]
+
+
+def _either(condition: Any, yes: list[Any], no: list[Any]) -> list[Any]:
+    return [casadi.if_else(condition, a, b) for a, b in zip(yes, no, strict=True)]
+
+
+def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
+    """Return a C function ``name(given, out)`` that decomposes matrices of n rows, and its operations at most.
+
+    Args:
+        name: of the function.
+        n: rows.
+        literal: writes a number as C.
+        suffix: of the functions of <math.h>.
+    """
+    rounds, half, most = _rounds(n), n // 2, _SWEEPS[n] + _MORE
+    table = ", ".join("{" + ", ".join(f"{{{p}, {q}}}" for p, q in pairs) + "}" for pairs in rounds)
+    one, four, tiny, least = literal(1.0), literal(4.0), literal(_TINY), literal(_LEAST)
+    text = f"""static void {name}(const real *given, real *out) {{
+  static const unsigned char pairs[{len(rounds)}][{half}][2] = {{{table}}};
+  real A[{n}][{n}], V[{n}][{n}], left = 0, size = 0;
+  int i, j, k, turn, sweep, busy = 1;
+  for (i = 0; i < {n}; i++) {{
+    for (j = 0; j <= i; j++) A[i][j] = A[j][i] = *given++;
+    for (j = 0; j < {n}; j++) V[i][j] = (real)(i == j);
+  }}
+  for (sweep = 0; busy && sweep < {most}; sweep++) {{
+    busy = 0;
+    for (turn = 0; turn < {len(rounds)}; turn++) {{
+      real cosine[{half}], sine[{half}], first[{half}], second[{half}];
+      int turned[{half}];
+      for (i = 0; i < {half}; i++) {{ /* pairs that do not touch each other */
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        const real a = A[q][p], f = A[p][p], g = A[q][q], d = g - f;
+        turned[i] = !(a * a <= {least} * fabs{suffix}(f * g)); /* smaller ones change nothing, and cost time */
+        if (!turned[i]) continue;
+        busy = 1;
+        const real root = sqrt{suffix}(d * d + {four} * (a * a) + {tiny});
+        const real tangent = (a + a) / (d + copysign{suffix}(root, d));
+        cosine[i] = {one} / sqrt{suffix}({one} + tangent * tangent);
+        sine[i] = tangent * cosine[i];
+        first[i] = f - tangent * a;
+        second[i] = g + tangent * a;
+      }}
+      for (i = 0; i < {half}; i++) {{
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        if (!turned[i]) continue;
+        for (k = 0; k < {n}; k++) {{
+          const real x = A[p][k], y = A[q][k], v = V[p][k], w = V[q][k];
+          A[p][k] = cosine[i] * x - sine[i] * y;
+          A[q][k] = sine[i] * x + cosine[i] * y;
+          V[p][k] = cosine[i] * v - sine[i] * w;
+          V[q][k] = sine[i] * v + cosine[i] * w;
+        }}
+      }}
+      for (k = 0; k < {n}; k++)
+        for (i = 0; i < {half}; i++) {{
+          const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+          if (!turned[i]) continue;
+          const real x = A[k][p], y = A[k][q];
+          A[k][p] = cosine[i] * x - sine[i] * y;
+          A[k][q] = sine[i] * x + cosine[i] * y;
+        }}
+      for (i = 0; i < {half}; i++) {{
+        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
+        if (turned[i]) A[p][p] = first[i], A[q][q] = second[i];
+        A[p][q] = A[q][p] = 0;
+      }}
+    }}
+  }}
+  for (i = 0; i < {n}; i++) {{
+    out[i] = A[i][i];
+    size += A[i][i] * A[i][i];
+    for (j = 0; j < i; j++) left += A[i][j] * A[i][j];
+  }}
+  for (j = {n} - 1; j > 0; j--)
+    for (i = 0; i < j; i++) {{
+      const real low = out[i], high = out[i + 1];
+      if (!(low > high)) continue;
+      out[i] = high;
+      out[i + 1] = low;
+      for (k = 0; k < {n}; k++) {{
+        const real v = V[i][k];
+        V[i][k] = V[i + 1][k];
+        V[i + 1][k] = v;
+      }}
+    }}
+  for (i = 0; i < {n * n}; i++) out[{n} + i] = V[i / {n}][i % {n}];
+  out[{n + n * n}] = left / (size + {tiny});
+}}
+"""
+    return text, most * len(rounds) * half * (16 + 18 * n) + n * (n + 4)
