@@ -23,6 +23,7 @@ from phcontrol.safety.quadratic_constraint import QuadraticConstraint
 from phcontrol.safety.quadratic_program import UNBOUNDED, Problem
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
+from phcontrol.safety.torque_range import RobotShare, torque_range
 
 _FARTHEST = 1e6  # a desired torque beyond this many times the effort limit is taken as that
 _NO_EFFORT_LIMIT = 100.0  # scale of a joint without an effort limit [N·m]
@@ -192,6 +193,7 @@ class TorqueFilter:
         torque: Array,
         *,
         previous: Array | None = None,
+        share: RobotShare | None = None,
         external_force: Array | None = None,
         port: PassivePort | None = None,
     ) -> FilteredTorque:
@@ -201,10 +203,11 @@ class TorqueFilter:
             x: the state now.
             torque: u★, what the law desires [N·m], finite.
             previous: the torque applied until now [N·m], for the rate limit; None for a start without one.
+            share: what the robot adds itself: 1 and 2 hold for what the motors carry, and for what is sent.
             external_force: f_e [N·m] as far as it is known, for the prediction.
             port: of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
-        low, high = self._range(previous)
+        low, high = torque_range(self.limits.effort, self._rate_bound, previous if self._has_rate else None, share)
         nearest = clipped(torque, low, high)
         unchanged = bool(np.logical_and.reduce(nearest == torque))
         motion = self._motion(x, external_force)
@@ -219,15 +222,7 @@ class TorqueFilter:
             status = FilterStatus.PASSED if unchanged else FilterStatus.CLIPPED
             self.counts[status] += 1
             return FilteredTorque(nearest, status, 0.0, 0.0)
-        return self._solve(x, torque, self._box(low, high), motion, bounds, condition, nearest, velocity)
-
-    def _range(self, previous: Array | None) -> tuple[Array, Array]:
-        """Return the lowest and the highest torque by effort and rate [N·m]."""
-        limit = self.limits.effort
-        if previous is None or not self._has_rate:
-            return -limit, limit
-        start = clipped(previous, -limit, limit)
-        return np.maximum(start - self._rate_bound, -limit), np.minimum(start + self._rate_bound, limit)
+        return self._solve(x, torque, self._box(low, high, share), motion, bounds, condition, nearest, velocity)
 
     def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
         """Return what the prediction needs."""
@@ -305,7 +300,7 @@ class TorqueFilter:
             metric = lapack.dpotrs(motion.factor, self._identity, 1)[0]
         elif self._metric is not None:
             metric = self._metric
-        elif not self._has_rate:
+        elif reach is self._scale:
             return None
         else:
             weights = reach / self._scale
@@ -376,9 +371,9 @@ class TorqueFilter:
         excess = self._dry.excess(x.velocity, motion.dry, motion.response, *bounds.true, reached, found.motion_excess)
         return found._replace(motion_excess=excess)
 
-    def _box(self, low: Array, high: Array) -> _Box:
+    def _box(self, low: Array, high: Array, share: RobotShare | None) -> _Box:
         """Return the box with its scales."""
-        if not self._has_rate:
+        if not self._has_rate and share is None:
             return _Box(low, high, self._zero, self._scale, self._highest)
         centre, reach = 0.5 * (low + high), 0.5 * (high - low)
         if self._has_infinite_bounds:

@@ -225,6 +225,7 @@ def test_a_driver_may_do_anything_with_a_torque_and_have_no_reading_at_times(sho
     plain = SimulatedArm(box)
 
     class Driver:
+        gravity, pace = "controller", "write"
         reads = 0
 
         def read(self):
@@ -237,7 +238,7 @@ def test_a_driver_may_do_anything_with_a_torque_and_have_no_reading_at_times(sho
 
     loop = ControlLoop(shoulder, make_controller("energy_shaping", shoulder), 1e-3, clock=lambda: box.time)
     torques = []
-    drive(loop, Driver(), 0.05, paced=False, each_step=lambda t, reading, torque: torques.append(torque))
+    drive(loop, Driver(), 0.05, each_step=lambda t, reading, torque: torques.append(torque))
     assert np.isfinite(torques).all()
     assert len(torques) == 50
     assert np.abs(np.diff(torques, axis=0)).max() < 0.5
@@ -262,6 +263,8 @@ def test_missed_periods_are_not_made_up_for(shoulder, monkeypatch):
     monkeypatch.setattr(arm_driver, "time", clock)
 
     class Driver:
+        gravity, pace = "controller", "clock"
+
         def read(self):
             begins.append(clock.now)
             clock.now += 1e-4

@@ -51,7 +51,7 @@ def run(loop, arm, seconds):
         positions.append(arm.box.reading().position)
         speeds.append(arm.box.reading().velocity)
 
-    drive(loop, arm, seconds, paced=False, each_step=note)
+    drive(loop, arm, seconds, each_step=note)
     return modes, np.array(torques), np.array(positions), np.array(speeds)
 
 

@@ -135,7 +135,7 @@ def served(seconds, covered=(9.0, 9.0), view=None, rate=30.0, **options):
         features.append(THING.features(SYSTEM.at(reading.position)))
         speeds.append(np.abs(reading.velocity).max())
 
-    ph.drive(loop, ph.SimulatedArm(box), seconds, paced=False, each_step=note)
+    ph.drive(loop, ph.SimulatedArm(box), seconds, each_step=note)
     return loop, law, modes, np.array(features), np.array(speeds)
 
 
