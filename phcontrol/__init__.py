@@ -70,6 +70,7 @@ from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.stop_velocity import StopVelocity
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import (
     CanonicalCheck,
@@ -294,6 +295,7 @@ __all__ = [
     "SphereContact",
     "Step",
     "Stiffness",
+    "StopVelocity",
     "StorageCondition",
     "StribeckFriction",
     "Switch",

@@ -6,8 +6,8 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.runtime.arm_driver import Pace, Reading
-from phcontrol.runtime.control_loop import Gravity
 from phcontrol.runtime.control_box import ControlBox
+from phcontrol.runtime.control_loop import Gravity
 from phcontrol.runtime.packet_faults import PacketFaults
 
 
