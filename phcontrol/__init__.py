@@ -94,6 +94,7 @@ from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import ControlLoop
 from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
+from phcontrol.runtime.mujoco_arm import MujocoArm
 from phcontrol.runtime.packet_faults import PacketFaults
 from phcontrol.runtime.simulated_arm import SimulatedArm
 from phcontrol.runtime.simulated_camera import SimulatedCamera
@@ -241,6 +242,7 @@ __all__ = [
     "MissingMeasurementError",
     "Moment",
     "MomentumObserver",
+    "MujocoArm",
     "NonFiniteTorqueError",
     "NonNegative",
     "NotTraceableError",

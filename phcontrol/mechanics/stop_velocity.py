@@ -13,13 +13,13 @@ from phcontrol.exceptions import InvalidArgumentError
 
 @dataclass(frozen=True, eq=False)
 class StopVelocity:
-    """How fast joints may go towards their stops q_max and q_min, whatever their velocity limits are:
+    """How fast joints may go towards their stops q_max and q_min, whatever their velocity limits are.
 
         q̇ ≤ max(0, −o + √(2a(q_max − q)))     q̇ ≥ min(0, o − √(2a(q − q_min)))
 
-    That is what `<position_based_velocity_limits velocity_offset="o" deceleration_limit="a"/>` of a URDF says, with
-    q_max and q_min of the joint's `<limit>` (libfranka 0.21, `joint_velocity_limits.cpp`; libfranka's
-    `rate_limiting.h` has the same with numbers). Within o²/(2a) of a stop no speed towards it is allowed at all.
+    That is what ``<position_based_velocity_limits velocity_offset="o" deceleration_limit="a"/>`` of a URDF says, with
+    q_max and q_min of the joint's ``<limit>`` (libfranka 0.21, ``joint_velocity_limits.cpp``; libfranka's
+    ``rate_limiting.h`` has the same with numbers). Within o²/(2a) of a stop no speed towards it is allowed at all.
 
     Args:
         offset: o ≥ 0, one or one each joint [rad/s]; [m/s] of a prismatic joint.

@@ -210,7 +210,7 @@ class ControlLoop:
         age: float = 0.0,
         torque: ArrayLike | None = None,
     ) -> Array:
-        """Return the torque to send for the next period, shape (n,) [N·m]: a copy, with which the caller may do anything.
+        """Return the torque to send for the next period, shape (n,) [N·m]: a copy, the caller's own.
 
         Args:
             position: q [rad].

@@ -14,7 +14,8 @@ from phcontrol.runtime.packet_faults import PacketFaults
 class SimulatedArm:
     """A driver whose arm is a :class:`ControlBox` in this process: each ``write`` lets one period pass.
 
-    It adds its weight itself where the box does. Time is the box's: a loop that drives it gets ``clock=lambda: box.time``, or it takes a slow computer for gaps.
+    It adds its weight itself where the box does. Time is the box's: a loop that drives it gets
+    ``clock=lambda: box.time``, or it takes a slow computer for gaps.
 
     Args:
         box: the arm.
