@@ -89,9 +89,11 @@ from phcontrol.potentials.position_potential import PositionPotential
 from phcontrol.potentials.potential import Potential
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.runtime.arm_driver import ArmDriver, Reading, drive
+from phcontrol.runtime.arm_error import ArmError
 from phcontrol.runtime.camera_thread import CameraThread
 from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.franka_arm import FrankaArm
 from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.mujoco_arm import MujocoArm
@@ -160,6 +162,7 @@ __all__ = [
     "Action",
     "After",
     "ArmDriver",
+    "ArmError",
     "Body",
     "CameraSensor",
     "CameraThread",
@@ -205,6 +208,7 @@ __all__ = [
     "FrameSpline",
     "FrameSpring",
     "FrameWrench",
+    "FrankaArm",
     "Gain",
     "GainBound",
     "GraspContact",

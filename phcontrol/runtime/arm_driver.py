@@ -30,6 +30,8 @@ class Reading(NamedTuple):
     torque: Array | None = None
     """What the arm was sent, or held itself by, in the period before, shape (n,) [N·m], without its weight where it
     adds that itself; None where it does not say. The rate of a loop's first torque is counted from it."""
+    elapsed: float | None = None
+    """Time since the reading before by the arm's own clock [s]; None where it has none. Gaps are counted by it."""
 
 
 class ArmDriver(Protocol):
@@ -42,8 +44,9 @@ class ArmDriver(Protocol):
     - ``pace``, whose time it is:
         "clock": this computer's; ``drive`` waits for each period, and ``read`` and ``write`` may not block for longer
         than a small part of one;
-        "read": the robot's; ``read`` waits for the state of the next period, and ``drive`` answers it at once. A
-        robot that sends its state at a fixed rate keeps better time than a desktop, and there is nothing to drift;
+        "read": the robot's; ``read`` waits for the state of the next period, ``drive`` answers it at once, and the
+        time that has ``elapsed`` is what the reading says: nothing drifts, and a robot that waits for its answers
+        (a simulated one) is not taken for one that lost them;
         "write": the plant's; each ``write`` lets a period pass, as fast as it can be computed (simulators). The
         loop's ``clock`` must show that time, or it takes a slow computer for gaps.
     """
@@ -99,7 +102,12 @@ def drive(
         last = reading
         if reading is not None:
             torque = loop.step(
-                reading.position, reading.velocity, reading.measured, age=reading.age, torque=reading.torque
+                reading.position,
+                reading.velocity,
+                reading.measured,
+                age=reading.age,
+                torque=reading.torque,
+                elapsed=reading.elapsed,
             )
             driver.write(torque.copy())  # whatever it does to it, what is logged is what was sent
             if each_step is not None:

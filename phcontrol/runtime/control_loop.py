@@ -209,6 +209,7 @@ class ControlLoop:
         *,
         age: float = 0.0,
         torque: ArrayLike | None = None,
+        elapsed: float | None = None,
     ) -> Array:
         """Return the torque to send for the next period, shape (n,) [N·m]: a copy, the caller's own.
 
@@ -219,10 +220,13 @@ class ControlLoop:
             age: how old the reading is [s]; a driver that has no new one passes the last again, with its age.
             torque: what the arm was sent, or held itself by, in the period before [N·m], without its weight where
                 the robot adds that; looked at in the first period only. None: it carried its weight.
+            elapsed: time since the reading before by the arm's own clock [s], where the arm is the clock; None: the
+                loop's clock says it.
         """
-        elapsed = max(self.period, self._recorder.begin(self._clock()))  # longer, where periods were skipped
+        told = None if elapsed is None or not 0.0 <= elapsed < math.inf else float(elapsed)
+        passed = max(self.period, self._recorder.begin(self._clock(), told))  # longer, where periods were skipped
         try:
-            ordered = self._controlled(position, velocity, measured, age, elapsed, torque)
+            ordered = self._controlled(position, velocity, measured, age, passed, torque)
         except Exception as error:  # of the model or the filter: the ramp goes on without them
             self._fail(error)
             ordered = self._without_model()
