@@ -28,8 +28,9 @@ class Reading(NamedTuple):
     age: float = 0.0
     """How old the reading is now [s]."""
     torque: Array | None = None
-    """What the arm was sent, or held itself by, in the period before, shape (n,) [N·m], without its weight where it
-    adds that itself; None where it does not say. The rate of a loop's first torque is counted from it."""
+    """What the arm says it was sent, or held itself by, in the period before, shape (n,) [N·m], without its weight
+    where it adds that itself; None where it does not say. The rate of a loop's first torque is counted from it, and
+    that of the next where a torque was lost. A command, not a measurement of what motors do."""
     elapsed: float | None = None
     """Time since the reading before by the arm's own clock [s]; None where it has none. Gaps are counted by it."""
 

@@ -33,6 +33,7 @@ from phcontrol.simulation.sampled_control import SampledControl
 Gravity = Literal["robot", "controller"]
 GRAVITY: tuple[str, ...] = get_args(Gravity)
 _MOST_DAMPING = 1e9  # so that its torque is finite at any finite velocity [N·m·s/rad]
+_SENT = 1e-4  # by which an arm's word of what it was sent is rounded [N·m]
 _MOST_MISSED = 20  # periods more than kept, before the loop stops
 _JUMP_FACTOR = 2.0  # times the fastest motion within the limits
 _SPEED_FACTOR = 5.0  # times that, which no true velocity reaches
@@ -145,8 +146,9 @@ class ControlLoop:
         """The error that stopped the loop for good, the first of them."""
         self.reason = ""
         """Why the loop last stopped."""
-        self.counts = {"stale": 0, "implausible": 0, "measured": 0, "stops": 0}
-        """Steps with a stale reading, readings not used, measurements not used, and stops."""
+        self.counts = {"stale": 0, "implausible": 0, "measured": 0, "stops": 0, "lost": 0}
+        """Steps with a stale reading, readings not used, measurements not used, stops, and torques that the arm says
+        it did not get."""
         self._latched = False
         self._time = 0.0
         self._steps_in_mode = self._missed = 0
@@ -218,8 +220,9 @@ class ControlLoop:
             velocity: q̇ [rad/s].
             measured: what else was measured, with the reading.
             age: how old the reading is [s]; a driver that has no new one passes the last again, with its age.
-            torque: what the arm was sent, or held itself by, in the period before [N·m], without its weight where
-                the robot adds that; looked at in the first period only. None: it carried its weight.
+            torque: what the arm says it was sent, or held itself by, in the period before [N·m], without its weight
+                where the robot adds that. The first torque's rate counts from it (None: the arm carried its weight),
+                and where a torque was lost on its way, the rate of the next.
             elapsed: time since the reading before by the arm's own clock [s], where the arm is the clock; None: the
                 loop's clock says it.
         """
@@ -260,8 +263,8 @@ class ControlLoop:
         q, v = self._reading.value[:n], self._reading.value[n:]
         x = self._sampled.controller.system.at(q, v)
         self._weigh(x.seen_by(self.system))
-        if self._gate.previous is None:
-            self._start_from(before)
+        self._look_back(before)
+        self._sampled.share = self._share
         return self._torque(x, self._measured.seen(self.stale_after), stale)
 
     # --- readings -----------------------------------------------------------------------------------
@@ -314,15 +317,19 @@ class ControlLoop:
             adds = real_array(self.system.motor_torque(x.gravity), (self.system.n,))
             if adds is not None:
                 self._share = RobotShare(adds, adds if self._share is None else self._share.before)
-        self._sampled.share = self._share
 
-    def _start_from(self, before: Any) -> None:
-        """Take over what the arm carries, before the first torque."""
-        told = real_array(before, (self.system.n,))
-        carried = self.system.motor_torque(self._weight) if told is None else told
-        if told is not None and self._share is not None:
-            carried = told + self._share.now
-        self._gate.previous = self._sampled.torque = carried
+    def _look_back(self, before: Any) -> None:
+        """Take over what the arm carries before the first torque, and what it still holds where it missed the last."""
+        told, zero = real_array(before, (self.system.n,)), self.no_torque
+        carried = told if told is None or self._share is None else told + self._share.before
+        if self._gate.previous is None:
+            self._gate.previous = self.system.motor_torque(self._weight) if carried is None else carried
+            self._sampled.torque = self._gate.previous
+        elif carried is not None and np.abs(carried - self._gate.previous).max() > _SENT:
+            self.counts["lost"] += 1
+            if self._share is None:
+                self._share = RobotShare(zero, zero)
+            self._share = self._share._replace(held=carried)
 
     def _torque(self, x: MechanicalState, measured: Measured, stale: bool) -> Array:
         if self.mode.is_active:
@@ -386,7 +393,7 @@ class ControlLoop:
         self._sampled.torque = leaving
         sent = self._gate.sent(leaving, self._share)
         if self._share is not None:
-            self._share = self._share._replace(before=self._share.now)
+            self._share = self._share._replace(before=self._share.now, held=None)
         return sent
 
     # --- modes --------------------------------------------------------------------------------------

@@ -31,6 +31,7 @@ class DocumentedLimits(NamedTuple):
 _EFFORT = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 
 FRANKA_LIMITS = {
+    # The torque rates are 1000 N·m/s less libfranka's kLimitEps: at 1000 rounding decides whether the robot stops.
     # libfranka 0.21, include/franka/rate_limiting.h: computeUpperLimitsJointVelocity and its lower twin (position,
     # velocity, and velocity near the stops), kMaxJointAcceleration, kMaxTorqueRate
     "fr3": DocumentedLimits(
@@ -39,7 +40,7 @@ FRANKA_LIMITS = {
         velocity=(2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
         acceleration=(10.0,) * 7,
         effort=_EFFORT,
-        torque_rate=1000.0,
+        torque_rate=1000.0 - 1e-3,
         stop_velocity=StopVelocity([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
     ),
     # Franka Robotics, "Control Interface Specification and Robot Limits", limits for the Franka Emika Robot (FER)
@@ -49,7 +50,7 @@ FRANKA_LIMITS = {
         velocity=(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
         acceleration=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
         effort=_EFFORT,
-        torque_rate=1000.0,
+        torque_rate=1000.0 - 1e-3,
         stop_velocity=None,
     ),
 }

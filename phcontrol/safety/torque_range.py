@@ -17,6 +17,9 @@ class RobotShare(NamedTuple):
     """In the coming period."""
     before: Array
     """In the period before."""
+    held: Array | None = None
+    """What its motors still carry, where it missed the torque that was sent last, so that the next one must be within
+    a step of this too; None where it did not."""
 
 
 def torque_range(
@@ -48,10 +51,12 @@ def torque_range(
         return np.maximum(start - step, -effort), np.minimum(start + step, effort)
     low, high = np.maximum(share.now, 0.0) - effort, np.minimum(share.now, 0.0) + effort
     if previous is not None:
-        start = clipped(previous, -effort, effort)
-        moved = start + (share.now - share.before)
-        low = np.maximum(low, np.maximum(start, moved) - step)
-        high = np.minimum(high, np.minimum(start, moved) + step)
+        for last in (previous, share.held):
+            if last is not None:
+                start = clipped(last, -effort, effort)
+                moved = start + (share.now - share.before)
+                low = np.maximum(low, np.maximum(start, moved) - step)
+                high = np.minimum(high, np.minimum(start, moved) + step)
     contrary = low > high
     if np.logical_or.reduce(contrary):
         middle = clipped(0.5 * (low + high), -effort, effort)

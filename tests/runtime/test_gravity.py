@@ -164,3 +164,29 @@ def test_a_model_that_fails_leaves_the_last_weight_with_the_robot():
         torque = loop.step(system.robot.home, np.zeros(7))
     assert loop.fault is not None
     np.testing.assert_allclose(torque, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("gravity", ["robot", "controller"])
+def test_after_a_torque_that_was_lost_the_next_is_within_the_rate_of_what_the_arm_still_holds(gravity):
+    """An arm that gets two torques of three: a simulated Franka stopped at 1962 N·m/s, of which the loop saw 981."""
+    system = make_system("panda")
+    q, goal = system.robot.home, np.clip(system.robot.home + 0.6, system.robot.lower + 0.1, system.robot.upper - 0.1)
+    loop = ControlLoop(
+        system,
+        make_controller("energy_shaping", system, goal),
+        PERIOD,
+        torque_filter=TorqueFilter(system, period=PERIOD, limits=Limits(system, torque_rate=RATE)),
+        start_time=0.0,
+        gravity=gravity,
+        clock=Clock(),
+    )
+    held = system.at(q).gravity if gravity == "controller" else np.zeros(7)
+    changes = []
+    for k in range(60):
+        torque = loop.step(q + 1e-3 * np.sin(0.3 * k), np.zeros(7), torque=held.astype(np.float32))
+        if k % 3 != 1:
+            changes.append(np.abs(torque - held).max())
+            held = torque
+    assert max(changes) <= RATE * PERIOD + 1e-5
+    assert max(changes) > 0.9 * RATE * PERIOD
+    assert loop.counts["lost"] == 20
