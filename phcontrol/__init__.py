@@ -98,9 +98,11 @@ from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.mujoco_arm import MujocoArm
 from phcontrol.runtime.packet_faults import PacketFaults
+from phcontrol.runtime.sensed_arm import SensedArm
 from phcontrol.runtime.simulated_arm import SimulatedArm
 from phcontrol.runtime.simulated_camera import SimulatedCamera
 from phcontrol.runtime.udp_arm import UdpArm
+from phcontrol.runtime.ur_arm import URArm
 from phcontrol.safety.filter_status import FilterStatus
 from phcontrol.safety.limits import Limits
 from phcontrol.safety.storage_condition import StorageCondition
@@ -109,6 +111,7 @@ from phcontrol.sensors.camera_sensor import CameraSensor
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
+from phcontrol.sensors.wrist_sensor import Tool, WristSensor
 from phcontrol.setpoints.live_frame_path import LiveFramePath
 from phcontrol.setpoints.live_trajectory import LiveTrajectory
 from phcontrol.setpoints.live_value import LiveValue
@@ -287,6 +290,7 @@ __all__ = [
     "Schedule",
     "Seen",
     "SeenFrame",
+    "SensedArm",
     "Setpoint",
     "Settled",
     "Shaping",
@@ -307,6 +311,7 @@ __all__ = [
     "Switch",
     "TankedLaw",
     "Target",
+    "Tool",
     "TorqueFilter",
     "TotalForceRejection",
     "Touched",
@@ -314,6 +319,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryTracking",
     "TransformedSystem",
+    "URArm",
     "UdpArm",
     "UnknownNameError",
     "UnreachableTargetError",
@@ -321,6 +327,7 @@ __all__ = [
     "VirtualPosition",
     "When",
     "Wrench",
+    "WristSensor",
     "__version__",
     "calibrate_hand_eye",
     "casimirs",
