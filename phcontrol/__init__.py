@@ -98,6 +98,8 @@ from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.mujoco_arm import MujocoArm
 from phcontrol.runtime.packet_faults import PacketFaults
+from phcontrol.runtime.preflight import Preflight, preflight
+from phcontrol.runtime.real_time import RealTime
 from phcontrol.runtime.sensed_arm import SensedArm
 from phcontrol.runtime.simulated_arm import SimulatedArm
 from phcontrol.runtime.simulated_camera import SimulatedCamera
@@ -271,9 +273,11 @@ __all__ = [
     "PostureAction",
     "Potential",
     "PowerBalance",
+    "Preflight",
     "Pulse",
     "QuinticSpline",
     "Reading",
+    "RealTime",
     "ReductionServo",
     "Reference",
     "RenderedView",
@@ -349,6 +353,7 @@ __all__ = [
     "load_robot",
     "make_controller",
     "measured_l2_gain",
+    "preflight",
     "reach",
     "read_camera",
     "read_frame_path",

@@ -15,6 +15,7 @@ from phcontrol.cli.controllers import controllers
 from phcontrol.cli.doctor import doctor
 from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.export import export
+from phcontrol.cli.preflight import preflight
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_cartesian import impedance, tracking
@@ -103,6 +104,7 @@ _add(app, "robots", robots)
 _add(app, "controllers", controllers)
 _add(app, "export", export)
 _add(app, "doctor", doctor)
+_add(app, "preflight", preflight)
 
 
 def main() -> None:
