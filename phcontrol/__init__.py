@@ -95,6 +95,7 @@ from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import ControlLoop
 from phcontrol.runtime.franka_arm import FrankaArm
 from phcontrol.runtime.loop_camera import LoopCamera, SeenFrame
+from phcontrol.runtime.loop_log import LoopLog, LoopRecord, read_loop_log
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.mujoco_arm import MujocoArm
 from phcontrol.runtime.packet_faults import PacketFaults
@@ -238,7 +239,9 @@ __all__ = [
     "LiveView",
     "Log",
     "LoopCamera",
+    "LoopLog",
     "LoopMode",
+    "LoopRecord",
     "Lost",
     "MarkerDetector",
     "MarkerPrint",
@@ -357,6 +360,7 @@ __all__ = [
     "reach",
     "read_camera",
     "read_frame_path",
+    "read_loop_log",
     "record",
     "register",
     "resolved_motion",

@@ -23,7 +23,7 @@ from phcontrol.runtime.restart_policy import RestartPolicy
 from phcontrol.runtime.signal_border import SignalBorder
 from phcontrol.runtime.timing import Timing, TimingRecorder
 from phcontrol.runtime.torque_gate import TorqueGate
-from phcontrol.safety.torque_filter import TorqueFilter
+from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
 from phcontrol.safety.torque_range import RobotShare
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.setpoints.setpoint import Setpoint
@@ -179,6 +179,26 @@ class ControlLoop:
     def controller_state(self) -> Array:
         """The law's own state, read-only."""
         return self._state
+
+    @property
+    def law_name(self) -> str:
+        """The law's name."""
+        return self._sampled.controller.name
+
+    @property
+    def desired_torque(self) -> Array:
+        """The law's own torque in the last step in which it ran on its own [N·m]."""
+        return self._sampled.desired
+
+    @property
+    def filtered(self) -> FilteredTorque | None:
+        """What the torque filter said in the last step; None without one."""
+        return self._sampled.filtered
+
+    @property
+    def computing(self) -> float:
+        """How long the last step computed [s]."""
+        return self._recorder.last
 
     @property
     def no_torque(self) -> Array:

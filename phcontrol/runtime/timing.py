@@ -61,6 +61,8 @@ class TimingRecorder:
         self._last: float | None = None
         self._due = 0.0
         self._skipped_now = 0
+        self.last = 0.0
+        """How long the last step computed [s]."""
 
     def begin(self, now: float, elapsed: float | None = None) -> float:
         """Note the begin of a step at a time [s]; return the time since the last begin, a period for the first [s].
@@ -86,7 +88,7 @@ class TimingRecorder:
     def end(self, now: float) -> int:
         """Note the end of a step at a time [s]; return the periods missed with it: skipped before it, and its own."""
         assert self._last is not None
-        computing = now - self._last
+        computing = self.last = now - self._last
         self._computing.add(computing)
         overran = computing > self._deadline
         self._overruns += overran
