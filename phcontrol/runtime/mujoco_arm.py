@@ -41,7 +41,8 @@ class MujocoArm:
         model: an MJCF file, or an MjModel; None for what MuJoCo reads in the robot's URDF
             (:func:`~phcontrol.runtime.mujoco_model.model_of_urdf`).
         period: of the loop [s], a whole multiple of MuJoCo's time step.
-        step: MuJoCo's time step [s]; by default that of the MJCF file, and one period for a URDF.
+        step: MuJoCo's time step [s]; by default that of the MJCF file, and one period where that is longer, or for a
+            URDF.
         integrator: MuJoCo's; by default that of the MJCF file, and RK4 for a URDF.
         position: at the start [rad]; by default home.
         gravity: "controller", or "robot" for an arm that adds its weight itself, as MuJoCo computes it.
@@ -81,6 +82,8 @@ class MujocoArm:
             step = self.period if step is None else step
         else:
             self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else model
+            if step is None:
+                step = min(float(self.model.opt.timestep), self.period)
         if step is not None:
             self.model.opt.timestep = positive("step", step)
         if integrator is not None:

@@ -128,7 +128,7 @@ class Limits:
         model: Literal["fr3", "fer"] = "fr3",
         *,
         position_margin: float = 0.01,
-        velocity_margin: float = 0.05,
+        velocity_margin: float = 0.1,
     ) -> Limits:
         """Return the documented limits of a Franka arm: torque, its rate (1000 N·m/s), velocity, acceleration.
 
