@@ -89,8 +89,11 @@ class Limits:
         self.torque_rate = _limit("torque_rate", np.inf if torque_rate is None else torque_rate, robot.effort_limit, n)
         margin = number("position_margin", position_margin, minimum=0.0)
         near = _stop_velocity(stop_velocity, system)
-        self.lower = np.maximum(_place("lower", lower, robot.lower, n), robot.lower + near.no_speed) + margin
-        self.upper = np.minimum(_place("upper", upper, robot.upper, n), robot.upper - near.no_speed) - margin
+        has_curve = np.isfinite(near.deceleration)  # whose stops are the robot's, wherever the limits are
+        lowest = np.where(has_curve, robot.lower + near.no_speed, -np.inf)
+        highest = np.where(has_curve, robot.upper - near.no_speed, np.inf)
+        self.lower = np.maximum(_place("lower", lower, robot.lower, n), lowest) + margin
+        self.upper = np.minimum(_place("upper", upper, robot.upper, n), highest) - margin
         if (self.lower >= self.upper).any():
             raise InvalidArgumentError("upper", "must be above lower by more than twice the position_margin")
         if braking_acceleration is None:
