@@ -3,7 +3,7 @@
     python examples/hardware_loop.py [--seconds 3] [--loss 0.05] [--outage 0.05]
 
 Another process plays the robot's control box at 1 kHz, and its network loses, delays, duplicates and reorders packets.
-For your robot, write a class with ``read`` and ``write`` in place of ``UdpArm``; all else stays.
+For your robot, write a class with ``read``, ``write``, ``gravity`` and ``pace`` in place of ``UdpArm``; all else stays.
 """
 
 from __future__ import annotations

@@ -68,6 +68,7 @@ from .mechanics.pose import Pose
 from .mechanics.potentials import GripperSpring
 from .mechanics.robot import Robot
 from .mechanics.state import MechanicalState
+from .mechanics.stop_velocity import StopVelocity
 from .mechanics.system import MechanicalSystem
 from .mechanics.transformations import (
     CanonicalCheck,
@@ -86,15 +87,23 @@ from .potentials.position_potential import PositionPotential
 from .potentials.potential import Potential
 from .potentials.single_joint_spring import SingleJointSpring
 from .runtime.arm_driver import ArmDriver, Reading, drive
+from .runtime.arm_error import ArmError
 from .runtime.camera_thread import CameraThread
 from .runtime.control_box import ControlBox
 from .runtime.control_loop import ControlLoop
+from .runtime.franka_arm import FrankaArm
 from .runtime.loop_camera import LoopCamera, SeenFrame
+from .runtime.loop_log import LoopLog, LoopRecord, read_loop_log
 from .runtime.loop_mode import LoopMode
+from .runtime.mujoco_arm import MujocoArm
 from .runtime.packet_faults import PacketFaults
+from .runtime.preflight import Preflight, preflight
+from .runtime.real_time import RealTime
+from .runtime.sensed_arm import SensedArm
 from .runtime.simulated_arm import SimulatedArm
 from .runtime.simulated_camera import SimulatedCamera
 from .runtime.udp_arm import UdpArm
+from .runtime.ur_arm import URArm
 from .safety.filter_status import FilterStatus
 from .safety.limits import Limits
 from .safety.storage_condition import StorageCondition
@@ -103,6 +112,7 @@ from .sensors.camera_sensor import CameraSensor
 from .sensors.force_sensor import ForceSensor
 from .sensors.measured import NOTHING, Measured
 from .sensors.momentum_observer import MomentumObserver
+from .sensors.wrist_sensor import Tool, WristSensor
 from .setpoints.live_frame_path import LiveFramePath
 from .setpoints.live_trajectory import LiveTrajectory
 from .setpoints.live_value import LiveValue
@@ -160,6 +170,7 @@ __all__ = [
     "Action",
     "After",
     "ArmDriver",
+    "ArmError",
     "Body",
     "CameraSensor",
     "CameraThread",
@@ -205,6 +216,7 @@ __all__ = [
     "FrameSpline",
     "FrameSpring",
     "FrameWrench",
+    "FrankaArm",
     "Gain",
     "GainBound",
     "GraspContact",
@@ -233,7 +245,9 @@ __all__ = [
     "LoopCamera",
     "LoopDerivatives",
     "LoopJacobian",
+    "LoopLog",
     "LoopMode",
+    "LoopRecord",
     "Lost",
     "MarkerDetector",
     "MarkerPrint",
@@ -247,6 +261,7 @@ __all__ = [
     "Mode",
     "Moment",
     "MomentumObserver",
+    "MujocoArm",
     "NonFiniteTorqueError",
     "NonNegative",
     "NotTraceableError",
@@ -269,9 +284,11 @@ __all__ = [
     "PostureAction",
     "Potential",
     "PowerBalance",
+    "Preflight",
     "Pulse",
     "QuinticSpline",
     "Reading",
+    "RealTime",
     "ReductionServo",
     "Reference",
     "RenderedView",
@@ -289,6 +306,7 @@ __all__ = [
     "Schedule",
     "Seen",
     "SeenFrame",
+    "SensedArm",
     "Setpoint",
     "Settled",
     "Shaping",
@@ -303,11 +321,13 @@ __all__ = [
     "SphereContact",
     "Step",
     "Stiffness",
+    "StopVelocity",
     "StorageCondition",
     "StribeckFriction",
     "Switch",
     "TankedLaw",
     "Target",
+    "Tool",
     "TorqueFilter",
     "TotalForceRejection",
     "Touched",
@@ -315,6 +335,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryTracking",
     "TransformedSystem",
+    "URArm",
     "UdpArm",
     "UnknownNameError",
     "UnreachableTargetError",
@@ -322,6 +343,7 @@ __all__ = [
     "VirtualPosition",
     "When",
     "Wrench",
+    "WristSensor",
     "__version__",
     "calibrate_hand_eye",
     "casimirs",
@@ -345,9 +367,11 @@ __all__ = [
     "load_robot",
     "make_controller",
     "measured_l2_gain",
+    "preflight",
     "reach",
     "read_camera",
     "read_frame_path",
+    "read_loop_log",
     "record",
     "register",
     "resolved_motion",

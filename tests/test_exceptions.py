@@ -14,6 +14,7 @@ import pytest
 
 import phcontrol
 from phcontrol import (
+    ArmError,
     CompilationError,
     CompilationWarning,
     DataFileError,
@@ -58,6 +59,7 @@ EXAMPLES = {
         "tool", "arm", " in row 3", Posture(np.array([0.1, 0.2]), 0.3, 0.4)
     ),
     DataFileError: lambda: DataFileError("cannot read"),
+    ArmError: lambda: ArmError("the robot stopped"),
     CompilationError: lambda: CompilationError("the compiler failed"),
     NotTraceableError: lambda: NotTraceableError("law cannot be compiled"),
     CompilationWarning: lambda: CompilationWarning("no C compiler was found"),

@@ -42,6 +42,10 @@ class Commands(LazyGroup):
             "phcontrol.cli.export:export",
             "Write a law as C99 without dependencies or allocation, with a program that replays recorded cases.",
         ),
+        "preflight": Listed(
+            "phcontrol.cli.preflight:preflight",
+            "Look whether this computer can keep a control loop's period: clock, kernel, cores, scheduler, jitter.",
+        ),
         "doctor": Listed(
             "phcontrol.cli.doctor:doctor",
             "Say what is installed and found here, and what is missing for what.",

@@ -23,6 +23,9 @@ _OPTIONAL = {  # module: package, extra, what for
     "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
     "control": ("control", "control", "linear loops as control.StateSpace"),
     "pink": ("pin-pink", "kinematics", "goals for a frame: reach, follow, --reach"),
+    "pylibfranka": ("pylibfranka", "franka", "Franka arms: FrankaArm"),
+    "rtde_control": ("ur_rtde", "ur", "UR arms: URArm"),
+    "mujoco": ("mujoco", "mujoco", "MuJoCo as a plant: MujocoArm"),
     "cv2": ("opencv-python-headless", "vision", "features out of images"),
 }
 

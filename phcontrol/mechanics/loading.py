@@ -22,6 +22,7 @@ from phcontrol.mechanics.markup import read_markup
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
 from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
+from phcontrol.mechanics.stop_velocity import StopVelocity
 from phcontrol.mechanics.structure import check_tree
 from phcontrol.mechanics.urdf import Joint, Mimic, Urdf, canonical, read_urdf
 
@@ -245,6 +246,7 @@ def _assemble(
         velocity_limit=_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
         effort_limit=_or_infinite(np.asarray(model.upperEffortLimit)[index]),
         continuous=turning,
+        stop_velocity=_stop_velocity([joints[name] for name in names]),
         prismatic=tuple(joints[name].kind == "prismatic" for name in names),
         friction=friction,
         potentials=_springs(extras, names),
@@ -259,6 +261,17 @@ def _assemble(
     for array in (robot.home, robot.lower, robot.upper, robot.velocity_limit, robot.effort_limit):
         array.flags.writeable = False
     return robot
+
+
+def _stop_velocity(joints: list[Joint]) -> StopVelocity | None:
+    """Return the velocity limits near the stops of joints that are not continuous; None where none has such."""
+    near = [None if joint.kind == "continuous" else joint.near_stops for joint in joints]
+    if not any(near):
+        return None
+    return StopVelocity(
+        [0.0 if one is None else one.offset for one in near],
+        [math.inf if one is None else one.deceleration for one in near],
+    )
 
 
 def _springs(extras: dict[str, Any], names: list[str]) -> tuple[Potential, ...]:

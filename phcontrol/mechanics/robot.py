@@ -16,6 +16,7 @@ from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, Un
 from phcontrol.mechanics.friction import Friction
 from phcontrol.mechanics.pose import check_pose
 from phcontrol.mechanics.potentials import Potential
+from phcontrol.mechanics.stop_velocity import StopVelocity
 
 REFERENCES = {
     "local": pin.ReferenceFrame.LOCAL,
@@ -56,6 +57,7 @@ class Robot:
     velocity_limit: Array
     effort_limit: Array
     continuous: Array
+    stop_velocity: StopVelocity | None = None
     prismatic: tuple[bool, ...] = ()
     friction: Friction | None = None
     potentials: tuple[Potential, ...] = ()

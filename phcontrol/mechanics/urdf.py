@@ -29,7 +29,8 @@ _CHILDREN = {
     "link": {"inertial", "visual", "collision"},
     "inertial": {"origin", "mass", "inertia"},
     "joint": {
-        "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller",
+        "origin", "parent", "child", "axis", "limit", "position_based_velocity_limits", "dynamics", "mimic",
+        "calibration", "safety_controller",
     },
 }  # fmt: skip
 _ATTRIBUTES = {
@@ -41,8 +42,9 @@ _ATTRIBUTES = {
     "axis": {"xyz"},
     # the last three are limits of URDF 1.2, which are not used
     "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
-    # the last four are a vendor's own, for his simulator
-    "dynamics": {"damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"},
+    "position_based_velocity_limits": {"velocity_offset", "deceleration_limit"},
+    # the last six are a vendor's own, for his simulator
+    "dynamics": {"damping", "friction", "D", "K", "mu_coulomb", "mu_viscous", "motor_inertia", "gear_ratio"},
     "mimic": {"joint", "multiplier", "offset"},
 }
 _NAMES = {name for names in _CHILDREN.values() for name in names} - {"calibration", "safety_controller"}
@@ -81,6 +83,14 @@ class Limit:
 
 
 @dataclass(frozen=True)
+class NearStops:
+    """How fast a joint may go near its stops: an offset [rad/s] and a deceleration [rad/s²], see ``StopVelocity``."""
+
+    offset: float
+    deceleration: float
+
+
+@dataclass(frozen=True)
 class Mimic:
     """q = multiplier · q of ``joint`` + offset."""
 
@@ -101,6 +111,7 @@ class Joint:
     rpy: Triple
     axis: Triple
     limit: Limit | None
+    near_stops: NearStops | None
     damping: float
     friction: float
     mimic: Mimic | None
@@ -225,6 +236,7 @@ class _Reader:
             rpy=rpy,
             axis=self._axis(found.get("axis"), owner) if moves else (1.0, 0.0, 0.0),
             limit=self._limit(element, found.get("limit"), owner, kind) if moves else None,
+            near_stops=self._near_stops(found.get("position_based_velocity_limits"), owner) if moves else None,
             damping=self._friction(found.get("dynamics"), "damping", owner) if moves else 0.0,
             friction=self._friction(found.get("dynamics"), "friction", owner) if moves else 0.0,
             mimic=self._mimic(found["mimic"], owner) if moves and "mimic" in found else None,
@@ -339,6 +351,20 @@ class _Reader:
             if value < 0.0:
                 self._findings.add(element.line, f"{owner} has the {name} limit {value:g}; it must not be negative")
         return Limit(lower, upper, effort, velocity)
+
+    def _near_stops(self, element: Element | None, owner: str) -> NearStops | None:
+        if element is None:
+            return None
+        offset, deceleration = (
+            self._number(element, name, owner) for name in ("velocity_offset", "deceleration_limit")
+        )
+        if offset < 0.0:
+            self._findings.add(element.line, f"{owner} has the velocity_offset {offset:g}; it must not be negative")
+        if deceleration <= 0.0:
+            self._findings.add(
+                element.line, f"{owner} has the deceleration_limit {deceleration:g}; it must be above zero"
+            )
+        return NearStops(offset, deceleration)
 
     def _friction(self, element: Element | None, name: str, owner: str) -> float:
         value = 0.0 if element is None else self._number(element, name, owner, default=0.0)

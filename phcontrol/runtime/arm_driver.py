@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
-from phcontrol._validation import Array, flag, positive
-from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol._validation import Array, positive
+from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.runtime.control_loop import GRAVITY, ControlLoop, Gravity
 from phcontrol.sensors.measured import NOTHING, Measured
+
+Pace = Literal["clock", "read", "write"]
+"""Whose time a driver's is: this computer's, its ``read``'s, or its ``write``'s; see :class:`ArmDriver`."""
 
 
 class Reading(NamedTuple):
@@ -23,13 +27,41 @@ class Reading(NamedTuple):
     """What else it measures."""
     age: float = 0.0
     """How old the reading is now [s]."""
+    torque: Array | None = None
+    """What the arm says it was sent, or held itself by, in the period before, shape (n,) [N·m], without its weight
+    where it adds that itself; None where it does not say. The rate of a loop's first torque is counted from it, and
+    that of the next where a torque was lost. A command, not a measurement of what motors do."""
+    elapsed: float | None = None
+    """Time since the reading before by the arm's own clock [s]; None where it has none. Gaps are counted by it."""
 
 
 class ArmDriver(Protocol):
-    """The way to an arm. Neither method may block for longer than a small part of a period."""
+    """The way to an arm.
+
+    Two attributes say what kind of arm it is, and there are no defaults: a wrong one moves the arm.
+
+    - ``gravity``: "robot" for an arm that adds its own weight to what it is sent, so that it is sent u − G⁻¹g(q);
+      "controller" for one whose motors do what they are sent.
+    - ``pace``, whose time it is:
+        "clock": this computer's; ``drive`` waits for each period, and ``read`` and ``write`` may not block for longer
+        than a small part of one;
+        "read": the robot's; ``read`` waits for the state of the next period, ``drive`` answers it at once, and the
+        time that has ``elapsed`` is what the reading says: nothing drifts, and a robot that waits for its answers
+        (a simulated one) is not taken for one that lost them;
+        "write": the plant's; each ``write`` lets a period pass, as fast as it can be computed (simulators). The
+        loop's ``clock`` must show that time, or it takes a slow computer for gaps.
+    """
+
+    gravity: Gravity
+    """Who carries the arm's weight."""
+    pace: Pace
+    """Whose time it is."""
 
     def read(self) -> Reading | None:
-        """Return the newest reading with its age: the same again when no newer one came; None before the first."""
+        """Return the newest reading with its age: the same again when no newer one came; None before the first.
+
+        Raises an error only where the arm has stopped and will not go on by itself.
+        """
         ...
 
     def write(self, torque: Array) -> None:
@@ -42,22 +74,25 @@ def drive(
     driver: ArmDriver,
     duration: float,
     *,
-    paced: bool = True,
     each_step: Callable[[float, Reading, Array], None] | None = None,
 ) -> None:
-    """Run a control loop on a driver for a duration [s]: read, step, write, wait for the next period.
+    """Run a control loop on a driver for a duration [s]: read, step, write, and wait for the next period if need be.
 
     A period that the machine missed is left out. A driver that has no reading any more is taken to have its last one.
+    The loop learns from the driver who carries the arm's weight.
 
     Args:
         loop: the control loop.
         driver: the arm.
         duration: [s].
-        paced: wait for the clock; False for an arm whose time goes on with each ``write`` (:class:`SimulatedArm`),
-            which the loop's ``clock`` must then show.
-        each_step: called with time, reading and torque, for logging.
+        each_step: called with time, reading and the torque that was sent, for logging.
+
+    Raises:
+        InvalidArgumentError: the driver does not say who carries the weight, or whose time it is.
+        ArmError: the arm stopped by itself.
     """
-    flag("paced", paced)
+    paced = _declared(driver, "pace", get_args(Pace)) == "clock"
+    loop.gravity = _declared(driver, "gravity", GRAVITY)
     start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
     last: Reading | None = None
     while k < steps:
@@ -67,7 +102,14 @@ def drive(
             reading = last._replace(age=last.age + loop.period)
         last = reading
         if reading is not None:
-            torque = loop.step(reading.position, reading.velocity, reading.measured, age=reading.age)
+            torque = loop.step(
+                reading.position,
+                reading.velocity,
+                reading.measured,
+                age=reading.age,
+                torque=reading.torque,
+                elapsed=reading.elapsed,
+            )
             driver.write(torque.copy())  # whatever it does to it, what is logged is what was sent
             if each_step is not None:
                 each_step(k * loop.period, reading, torque)
@@ -77,6 +119,16 @@ def drive(
         if paced:  # periods that were missed are left out, not made up for in a burst
             k = max(k, began + 1, math.floor((time.perf_counter() - start) / loop.period))
             wait_until(start + k * loop.period)
+
+
+def _declared(driver: object, name: str, options: tuple[str, ...]) -> Any:
+    """Return what a driver says of itself. Raises InvalidArgumentError where it does not."""
+    value = getattr(driver, name, None)
+    if value not in options:
+        listing = " or ".join(f"'{option}'" for option in options)
+        said = "does not say" if value is None else f"says {value!r} for"
+        raise InvalidArgumentError("driver", f"{type(driver).__name__} {said} its {name}; it must be {listing}")
+    return value
 
 
 def wait_until(moment: float) -> None:

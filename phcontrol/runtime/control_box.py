@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, per_joint, positive, real_array, vector
+from phcontrol._validation import Array, choice, per_joint, positive, real_array, vector
 from phcontrol.environments.disturbances import Disturbance
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runtime.arm_driver import Reading
+from phcontrol.runtime.control_loop import GRAVITY, Gravity
 from phcontrol.runtime.number_window import NumberWindow
 from phcontrol.safety.clipping import clipped
 from phcontrol.sensors.measured import Measured
@@ -18,7 +21,8 @@ from phcontrol.simulation.integrators import runge_kutta_step
 class ControlBox:
     """An arm as its manufacturer hands it over: torques in, readings out, every ``period``.
 
-    The last torque is held, clipped to the effort limits. When no newer one came for ``patience``, the box brakes by
+    The last torque is held, clipped to the effort limits; with ``gravity="robot"`` the box adds the arm's weight to
+    it. When no newer one came for ``patience``, the box brakes by
     itself: gravity is compensated, motion is damped. Commands carry a number; one that is not newer than the last
     (late, duplicated, out of order), too far ahead of it (:class:`NumberWindow`), has another length, or is not finite,
     is not used.
@@ -30,6 +34,7 @@ class ControlBox:
         patience: [s].
         damping: of its own braking [N·m·s/rad]; by default what stops M(home)'s diagonal in 0.05 s.
         disturbance: f_e, a function of time and state, or None.
+        gravity: "controller" for motors that do what they are sent, "robot" for a box that adds G⁻¹g(q) itself.
     """
 
     def __init__(
@@ -41,6 +46,7 @@ class ControlBox:
         patience: float = 0.02,
         damping: ArrayLike | None = None,
         disturbance: Disturbance | None = None,
+        gravity: Gravity = "controller",
     ) -> None:
         self.system, self.period = system, positive("period", period)
         self.patience = positive("patience", patience)
@@ -49,6 +55,8 @@ class ControlBox:
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.05
         self._damping: Array = inertia if damping is None else per_joint("damping", damping, system.n)
         self._disturbance = disturbance
+        chosen: Any = choice("gravity", gravity, GRAVITY)
+        self.gravity: Gravity = chosen
         self._torque: Array = np.zeros(system.n)
         self._silence, self._steps = np.inf, 0
         self._window, self._accepted_at = NumberWindow(), 0
@@ -93,6 +101,8 @@ class ControlBox:
         n, system = self.system.n, self.system
         x = system.state_type(system, y[:n], y[n:])
         torque = self._torque
+        if self.gravity == "robot":
+            torque = torque + system.motor_torque(x.gravity)
         if braking:
             torque = x.motor_torque(x.potential_gradient - self._damping * x.velocity)
             limit = system.robot.effort_limit

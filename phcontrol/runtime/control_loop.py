@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._smooth import smooth
-from phcontrol._validation import Array, number, per_joint, positive, real_array
+from phcontrol._validation import Array, choice, number, per_joint, positive, real_array
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
@@ -23,13 +23,17 @@ from phcontrol.runtime.restart_policy import RestartPolicy
 from phcontrol.runtime.signal_border import SignalBorder
 from phcontrol.runtime.timing import Timing, TimingRecorder
 from phcontrol.runtime.torque_gate import TorqueGate
-from phcontrol.safety.torque_filter import TorqueFilter
+from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
+from phcontrol.safety.torque_range import RobotShare
 from phcontrol.sensors.measured import NOTHING, Measured
 from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.run import torque_limit_of
 from phcontrol.simulation.sampled_control import SampledControl
 
+Gravity = Literal["robot", "controller"]
+GRAVITY: tuple[str, ...] = get_args(Gravity)
 _MOST_DAMPING = 1e9  # so that its torque is finite at any finite velocity [N·m·s/rad]
+_SENT = 1e-4  # by which an arm's word of what it was sent is rounded [N·m]
 _MOST_MISSED = 20  # periods more than kept, before the loop stops
 _JUMP_FACTOR = 2.0  # times the fastest motion within the limits
 _SPEED_FACTOR = 5.0  # times that, which no true velocity reaches
@@ -64,6 +68,10 @@ class ControlLoop:
     ``step`` raises no exception but those that end a program. Every torque passes the torque filter, or is clipped to
     the torque limit, passes a last check (:class:`TorqueGate`), and is the caller's own.
 
+    **Who carries the weight**: with ``gravity="robot"`` the arm adds G⁻¹g(q) itself, and what ``step`` returns is
+    u − G⁻¹g(q), to be sent; limits of effort and rate hold for both. The first torque too is within the rate of what
+    the arm carried before: what the reading says, and otherwise its own weight, by which it stood still.
+
     Args:
         system: the model of the arm, for holding.
         controller: the law.
@@ -77,6 +85,8 @@ class ControlLoop:
         deadline: of one step's computation [s]; by default the period.
         setpoint: what is changed while the loop runs; brought up to date before each step of the law.
         camera: a camera in the hand, with frames at its own rate: image features are measured with each reading.
+        gravity: "controller" for an arm whose motors do what they are sent, "robot" for one that adds its own weight
+            (Franka, UR, KUKA); ``drive`` sets what the driver says.
         clock: what time is read from [s].
     """
 
@@ -95,6 +105,7 @@ class ControlLoop:
         deadline: float | None = None,
         setpoint: Setpoint | None = None,
         camera: LoopCamera | None = None,
+        gravity: Gravity = "controller",
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.period = positive("period", period)
@@ -136,14 +147,29 @@ class ControlLoop:
         """The error that stopped the loop for good, the first of them."""
         self.reason = ""
         """Why the loop last stopped."""
-        self.counts = {"stale": 0, "implausible": 0, "measured": 0, "stops": 0}
-        """Steps with a stale reading, readings not used, measurements not used, and stops."""
+        self.counts = {"stale": 0, "implausible": 0, "measured": 0, "stops": 0, "lost": 0}
+        """Steps with a stale reading, readings not used, measurements not used, stops, and torques that the arm says
+        it did not get."""
         self._latched = False
         self._time = 0.0
         self._steps_in_mode = self._missed = 0
         self._most_missed = max(_MOST_MISSED, round(2.0 * self.stale_after / self.period))
         self._start_of_stop: Array = np.zeros(system.n)
-        self._gravity: Array = np.zeros(system.n)
+        self._weight: Array = np.zeros(system.n)
+        self._share: RobotShare | None = None
+        self.gravity = gravity
+
+    @property
+    def gravity(self) -> Gravity:
+        """Who carries the arm's weight, "robot" or "controller"; fixed once the arm has reported."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: Gravity) -> None:
+        chosen: Any = choice("gravity", value, GRAVITY)
+        if self.mode != LoopMode.WAITING and chosen != self._gravity:
+            raise InvalidArgumentError("gravity", f"is '{self._gravity}' and cannot change while the loop runs")
+        self._gravity: Gravity = chosen
 
     @property
     def torque_filter(self) -> TorqueFilter | None:
@@ -154,6 +180,26 @@ class ControlLoop:
     def controller_state(self) -> Array:
         """The law's own state, read-only."""
         return self._state
+
+    @property
+    def law_name(self) -> str:
+        """The law's name."""
+        return self._sampled.controller.name
+
+    @property
+    def desired_torque(self) -> Array:
+        """The law's own torque in the last step in which it ran on its own [N·m]."""
+        return self._sampled.desired
+
+    @property
+    def filtered(self) -> FilteredTorque | None:
+        """What the torque filter said in the last step; None without one."""
+        return self._sampled.filtered
+
+    @property
+    def computing(self) -> float:
+        """How long the last step computed [s]."""
+        return self._recorder.last
 
     @property
     def no_torque(self) -> Array:
@@ -179,24 +225,37 @@ class ControlLoop:
             self._enter(LoopMode.STARTING)
 
     def step(
-        self, position: ArrayLike, velocity: ArrayLike, measured: Measured = NOTHING, *, age: float = 0.0
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        measured: Measured = NOTHING,
+        *,
+        age: float = 0.0,
+        torque: ArrayLike | None = None,
+        elapsed: float | None = None,
     ) -> Array:
-        """Return the torque for the next period, shape (n,) [N·m]: a copy, with which the caller may do anything.
+        """Return the torque to send for the next period, shape (n,) [N·m]: a copy, the caller's own.
 
         Args:
             position: q [rad].
             velocity: q̇ [rad/s].
             measured: what else was measured, with the reading.
             age: how old the reading is [s]; a driver that has no new one passes the last again, with its age.
+            torque: what the arm says it was sent, or held itself by, in the period before [N·m], without its weight
+                where the robot adds that. The first torque's rate counts from it (None: the arm carried its weight),
+                and where a torque was lost on its way, the rate of the next.
+            elapsed: time since the reading before by the arm's own clock [s], where the arm is the clock; None: the
+                loop's clock says it.
         """
-        elapsed = max(self.period, self._recorder.begin(self._clock()))  # longer, where periods were skipped
+        told = None if elapsed is None or not 0.0 <= elapsed < math.inf else float(elapsed)
+        passed = max(self.period, self._recorder.begin(self._clock(), told))  # longer, where periods were skipped
         try:
-            torque = self._controlled(position, velocity, measured, age, elapsed)
+            ordered = self._controlled(position, velocity, measured, age, passed, torque)
         except Exception as error:  # of the model or the filter: the ramp goes on without them
             self._fail(error)
-            torque = self._without_model()
-        leaving = self._leave(torque)
-        if torque is not None:
+            ordered = self._without_model()
+        leaving = self._leave(ordered)
+        if ordered is not None:
             self._time += self.period
             self._steps_in_mode += 1
         missed = self._recorder.end(self._clock())
@@ -205,7 +264,9 @@ class ControlLoop:
             self._stop_for_now(f"{self._missed} periods more were missed than kept")
         return leaving
 
-    def _controlled(self, position: Any, velocity: Any, measured: Any, age: Any, elapsed: float) -> Array | None:
+    def _controlled(
+        self, position: Any, velocity: Any, measured: Any, age: Any, elapsed: float, before: Any
+    ) -> Array | None:
         """Return the torque for one reading; None before the first [N·m]."""
         fresh = self._take(position, velocity, measured, age, elapsed)
         if self.mode == LoopMode.WAITING:
@@ -222,9 +283,9 @@ class ControlLoop:
         n = self.system.n
         q, v = self._reading.value[:n], self._reading.value[n:]
         x = self._sampled.controller.system.at(q, v)
-        gravity = real_array(x.seen_by(self.system).potential_gradient, q.shape)
-        if gravity is not None:
-            self._gravity = gravity
+        self._weigh(x.seen_by(self.system))
+        self._look_back(before)
+        self._sampled.share = self._share
         return self._torque(x, self._measured.seen(self.stale_after), stale)
 
     # --- readings -----------------------------------------------------------------------------------
@@ -268,6 +329,29 @@ class ControlLoop:
 
     # --- torques ------------------------------------------------------------------------------------
 
+    def _weigh(self, x: MechanicalState) -> None:
+        """Note what holds the arm, and what of it the robot adds by itself; what is not finite changes nothing."""
+        weight = real_array(x.potential_gradient, (self.system.n,))
+        if weight is not None:
+            self._weight = weight
+        if self._gravity == "robot":
+            adds = real_array(self.system.motor_torque(x.gravity), (self.system.n,))
+            if adds is not None:
+                self._share = RobotShare(adds, adds if self._share is None else self._share.before)
+
+    def _look_back(self, before: Any) -> None:
+        """Take over what the arm carries before the first torque, and what it still holds where it missed the last."""
+        told, zero = real_array(before, (self.system.n,)), self.no_torque
+        carried = told if told is None or self._share is None else told + self._share.before
+        if self._gate.previous is None:
+            self._gate.previous = self.system.motor_torque(self._weight) if carried is None else carried
+            self._sampled.torque = self._gate.previous
+        elif carried is not None and np.abs(carried - self._gate.previous).max() > _SENT:
+            self.counts["lost"] += 1
+            if self._share is None:
+                self._share = RobotShare(zero, zero)
+            self._share = self._share._replace(held=carried)
+
     def _torque(self, x: MechanicalState, measured: Measured, stale: bool) -> Array:
         if self.mode.is_active:
             try:
@@ -297,7 +381,7 @@ class ControlLoop:
 
     def _holding(self, stale: bool) -> Array:
         """Return the torque that compensates the arm's weight and damps its motion [N·m]; needs no model."""
-        force = self._gravity
+        force = self._weight
         if not stale and self._reading.value is not None:
             force = force - self._damping * self._reading.value[self.system.n :]
         return self.system.motor_torque(force)
@@ -319,16 +403,19 @@ class ControlLoop:
         return self._ramped(self._holding(self._reading.age > self.stale_after))
 
     def _leave(self, torque: Array | None) -> Array:
-        """Return what leaves: a copy of a torque that passed the last check; zeros for None."""
+        """Return what is sent: a copy of a torque that passed the last check; zeros for None."""
         if torque is None:
             return self.no_torque
-        leaving = self._gate.passed(torque)
+        leaving = self._gate.passed(torque, self._share)
         if leaving is None:
             self._fail(PHControlError(f"a torque that is not {self.system.n} finite numbers came to the last check"))
-            leaving = self._gate.passed(self._without_model())
+            leaving = self._gate.passed(self._without_model(), self._share)
         assert leaving is not None
         self._sampled.torque = leaving
-        return np.array(leaving)
+        sent = self._gate.sent(leaving, self._share)
+        if self._share is not None:
+            self._share = self._share._replace(before=self._share.now, held=None)
+        return sent
 
     # --- modes --------------------------------------------------------------------------------------
 

@@ -5,21 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.runtime.arm_driver import Reading
+from phcontrol.runtime.arm_driver import Pace, Reading
 from phcontrol.runtime.control_box import ControlBox
+from phcontrol.runtime.control_loop import Gravity
 from phcontrol.runtime.packet_faults import PacketFaults
 
 
 class SimulatedArm:
     """A driver whose arm is a :class:`ControlBox` in this process: each ``write`` lets one period pass.
 
-    Time is the box's: a loop that drives it gets ``clock=lambda: box.time``, or it takes a slow computer for gaps.
+    It adds its weight itself where the box does. Time is the box's: a loop that drives it gets
+    ``clock=lambda: box.time``, or it takes a slow computer for gaps.
 
     Args:
         box: the arm.
         readings: what happens to readings on their way; nothing by default.
         commands: what happens to torques on their way.
     """
+
+    pace: Pace = "write"
 
     def __init__(
         self,
@@ -29,6 +33,7 @@ class SimulatedArm:
         commands: PacketFaults[tuple[int, Array]] | None = None,
     ) -> None:
         self.box = box
+        self.gravity: Gravity = box.gravity
         self._readings = PacketFaults() if readings is None else readings
         self._commands = PacketFaults() if commands is None else commands
         self._number = 0

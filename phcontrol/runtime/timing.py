@@ -61,14 +61,25 @@ class TimingRecorder:
         self._last: float | None = None
         self._due = 0.0
         self._skipped_now = 0
+        self.last = 0.0
+        """How long the last step computed [s]."""
 
-    def begin(self, now: float) -> float:
-        """Note the begin of a step at a time [s]; return the time since the last begin, a period for the first [s]."""
+    def begin(self, now: float, elapsed: float | None = None) -> float:
+        """Note the begin of a step at a time [s]; return the time since the last begin, a period for the first [s].
+
+        Where the arm says what has ``elapsed`` by its own clock since its reading before, that is what passed, and
+        counts for skipped periods; the intervals are by this clock all the same.
+        """
         last, self._last = self._last, now
         if last is None:
             self._due = now + self._period
             return self._period
         self._intervals.add(now - last)
+        if elapsed is not None:
+            self._skipped_now = max(0, round(elapsed / self._period) - 1)
+            self._skipped += self._skipped_now
+            self._due = now + self._period
+            return elapsed
         skipped = self._skipped_now = max(0, math.floor((now - self._due) / self._period + 1e-6))
         self._skipped += skipped
         self._due = min(now, self._due + skipped * self._period) + self._period
@@ -77,7 +88,7 @@ class TimingRecorder:
     def end(self, now: float) -> int:
         """Note the end of a step at a time [s]; return the periods missed with it: skipped before it, and its own."""
         assert self._last is not None
-        computing = now - self._last
+        computing = self.last = now - self._last
         self._computing.add(computing)
         overran = computing > self._deadline
         self._overruns += overran

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from phcontrol._validation import Array, real_array
 from phcontrol.safety.clipping import clipped
+from phcontrol.safety.torque_range import RobotShare, torque_range
 
 
 class TorqueGate:
     """Lets torques leave that are real and finite, clipped to effort and rate, whoever made them.
 
-    After the torque filter nothing is left to clip; the gate does not rely on that.
+    Both hold for what the motors carry and, where the robot adds its own part, for what is sent
+    (:func:`torque_range`). After the torque filter nothing is left to clip; the gate does not rely on that.
 
     Args:
         effort: |u| ≤ effort, infinite for no limit, shape (n,) [N·m].
@@ -23,17 +23,18 @@ class TorqueGate:
     def __init__(self, effort: Array, step: Array) -> None:
         self._effort, self._step = effort, step
         self.previous: Array | None = None
-        """The last torque that left, read-only; None before the first."""
+        """What the motors carried last, read-only; None before the first."""
 
-    def passed(self, torque: Any) -> Array | None:
-        """Return the torque that may leave, read-only; None for one that is not n finite real numbers."""
+    def passed(self, torque: Any, share: RobotShare | None = None) -> Array | None:
+        """Return the torque that the motors may carry, read-only; None for one that is not n finite real numbers."""
         array = real_array(torque, self._effort.shape)
         if array is None:
             return None
-        low, high = -self._effort, self._effort
-        if self.previous is not None:
-            low, high = np.maximum(self.previous - self._step, low), np.minimum(self.previous + self._step, high)
-        leaving = clipped(array, low, high)
+        leaving = clipped(array, *torque_range(self._effort, self._step, self.previous, share))
         leaving.flags.writeable = False
         self.previous = leaving
         return leaving
+
+    def sent(self, torque: Array, share: RobotShare | None) -> Array:
+        """Return a copy of what is sent so that the motors carry a torque, never beyond the effort by rounding."""
+        return torque.copy() if share is None else clipped(torque - share.now, -self._effort, self._effort)

@@ -24,8 +24,9 @@ import numpy as np
 from phcontrol._validation import Array, count, positive
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.runtime.arm_driver import Reading, wait_until
+from phcontrol.runtime.arm_driver import Pace, Reading, wait_until
 from phcontrol.runtime.control_box import ControlBox
+from phcontrol.runtime.control_loop import Gravity
 from phcontrol.runtime.number_window import NumberWindow
 from phcontrol.runtime.packet_faults import PacketFaults
 from phcontrol.sensors.measured import Measured
@@ -90,6 +91,8 @@ class UdpArm:
         box: more arguments of :class:`ControlBox`.
     """
 
+    pace: Pace = "clock"
+
     def __init__(
         self,
         make_system: Callable[[], MechanicalSystem],
@@ -101,6 +104,7 @@ class UdpArm:
     ) -> None:
         self._duration, self._period = positive("duration", duration), positive("period", period)
         self._joints = count("joints", make_system().n)
+        self.gravity: Gravity = (box or {}).get("gravity", "controller")
         PacketFaults(**(faults or {}))  # say now, not in the other process, what is wrong
         self._token = secrets.token_bytes(_TOKEN_SIZE)
         self._arguments = (make_system, self._duration, self._period, dict(faults or {}), dict(box or {}))

@@ -10,19 +10,20 @@ static double anticipating(double bound, double speed, double period, double jer
 }
 
 PyDoc_STRVAR(speed_bounds_doc,
-             "speed_bounds(position, velocity, period, edges, braking, jerk, velocity_limit, return_time, return_speed)"
+             "speed_bounds(position, velocity, period, edges, braking, offset, jerk, velocity_limit, return_time, "
+             "return_speed)"
              "\n--\n\nReturn the lowest and the highest next velocity.");
 static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  npy_intp n = size_of(arguments, given, 9);
+  npy_intp n = size_of(arguments, given, 10);
   RETURN_UNLESS(n >= 0 && is_dense(arguments[0], n, "position") && is_dense(arguments[1], n, "velocity") &&
                 is_dense(arguments[3], 2 * n, "edges") && is_dense(arguments[4], 2 * n, "braking") &&
-                is_dense(arguments[5], 2 * n, "jerk") && is_dense(arguments[6], 2 * n, "velocity_limit") &&
-                is_dense(arguments[8], 2 * n, "return_speed"));
-  double period = PyFloat_AsDouble(arguments[2]), return_time = PyFloat_AsDouble(arguments[7]);
+                is_dense(arguments[5], 2 * n, "offset") && is_dense(arguments[6], 2 * n, "jerk") &&
+                is_dense(arguments[7], 2 * n, "velocity_limit") && is_dense(arguments[9], 2 * n, "return_speed"));
+  double period = PyFloat_AsDouble(arguments[2]), return_time = PyFloat_AsDouble(arguments[8]);
   if (PyErr_Occurred()) return NULL;
   const double *q = values_of(arguments[0]), *v = values_of(arguments[1]), *edges = values_of(arguments[3]);
-  const double *braking = values_of(arguments[4]), *jerk = values_of(arguments[5]), *most = values_of(arguments[6]);
-  const double *back = values_of(arguments[8]);
+  const double *braking = values_of(arguments[4]), *offset = values_of(arguments[5]), *jerk = values_of(arguments[6]);
+  const double *most = values_of(arguments[7]), *back = values_of(arguments[9]);
   double *low, *high;
   PyObject *lowest = new_vector(n, &low), *highest = new_vector(n, &high), *result = NULL;
   if (lowest != NULL && highest != NULL) {
@@ -34,7 +35,7 @@ static PyObject *speed_bounds(PyObject *module, PyObject *const *arguments, Py_s
         bound = room / return_time;
         if (bound < back[i]) bound = back[i];
       } else {
-        double lag = 0.5 * period * braking[i], root = sqrt(2.0 * braking[i] * room + lag * lag);
+        double lag = offset[i] + 0.5 * period * braking[i], root = sqrt(2.0 * braking[i] * room + lag * lag);
         bound = root - lag;
         if (speed > 0.0) sinking = period * braking[i] * speed / root;
       }

@@ -16,6 +16,7 @@ def speed_bounds(
     period: float,
     edges: Array,
     braking: Array,
+    offset: Array,
     jerk: Array,
     velocity_limit: Array,
     return_time: float,
@@ -27,9 +28,9 @@ def speed_bounds(
     room = edges - np.concatenate((half_way, -half_way))
     speed = np.concatenate((velocity, -velocity))
     lag = 0.5 * period * braking
-    root = np.sqrt(2.0 * braking * np.maximum(room, 0.0) + lag * lag)
+    root = np.sqrt(2.0 * braking * np.maximum(room, 0.0) + (offset + lag) * (offset + lag))
     outside = room < 0.0
-    stopping = np.where(outside, np.maximum(room / return_time, return_speed), root - lag)
+    stopping = np.where(outside, np.maximum(room / return_time, return_speed), root - (offset + lag))
     sinking = np.where(outside, 0.0, period * braking * np.maximum(speed, 0.0) / root)
     bound = np.minimum(
         _anticipating(stopping, speed - sinking, period, jerk), _anticipating(velocity_limit, speed, period, jerk)

@@ -4,7 +4,7 @@ How the arm moves in a period:
 
     predicted_motion(v, M, C, ∂V/∂q, F_v, hθF_v, f_e, h)       M + hθF_v, h times its inverse, and what moves the arm
     moved(v, hA, f)                                            v + hA f
-    speed_bounds(q, v, h, edges, α, j, v_max, τ_r, v_r)        the lowest and the highest next velocity (``Limits``)
+    speed_bounds(q, v, h, edges, α, o, j, v_max, τ_r, v_r)     the lowest and the highest next velocity (``Limits``)
     expected_friction(v, d, F_v, hA)                           the dry friction torque of joints that nothing else moves
     passed_velocities(v, v_min, v_max, room, slow, fast)       writes between which velocities a period can pass
     narrowed_bounds(hA, s, s_min, s_max, v_min, v_max)         the same less what friction may do, and if any contradict

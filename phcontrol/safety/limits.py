@@ -7,11 +7,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, finite_array, number
+from phcontrol._validation import Array, choice, finite_array, number
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics.stop_velocity import StopVelocity
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety import kernels
 from phcontrol.safety.braking import braking_acceleration_within, braking_jerk_within
+from phcontrol.safety.franka_limits import FRANKA_LIMITS
 
 _BUILD_UP = (
     0.5  # of the velocity limit may be lost while α builds up, α²/j: more, and building up would need more than j
@@ -36,6 +38,13 @@ class Limits:
 
     which turning with j keeps from one period to the next. Outside the position limits a gentle return is asked for.
 
+    A robot whose velocity limits fall towards its stops (:class:`StopVelocity`, offset o and deceleration a) gets
+
+        q⁺ + ((w + o)² − o²)/(2α) ≤ q_max − o²/(2a)
+
+    in place of the first, with a for α where that is less, and o in the same proportion where α is less: a curve below
+    the robot's, that α can follow. Where the robot allows no speed towards a stop counts as outside.
+
     Args:
         system: the model of the arm.
         effort: |u| ≤ effort [N·m]; "robot" for what the robot's description gives.
@@ -43,9 +52,12 @@ class Limits:
         velocity: |q̇| ≤ velocity [rad/s].
         lower: of the position [rad].
         upper: of the position [rad].
+        stop_velocity: of the velocity near the stops; "robot" for what the robot's description gives, None for no
+            such limit.
         position_margin: how far inside the position limits the arm is kept [rad].
         velocity_margin: by what part of themselves the velocity limits are lowered: 0.05 leaves room for what the
-            prediction over one period does not see, a bump above all.
+            prediction over one period does not see, a bump above all. Those near the stops too.
+        acceleration: α is at most this, where one is documented [rad/s²].
         braking_acceleration: α [rad/s²]; by default the largest, in proportions that suit the joints, with which
             all joints can brake at once within 80 % of their effort, at any of 300 random positions and velocities
             inside the limits; less where a limited torque rate builds it up too slowly.
@@ -62,19 +74,26 @@ class Limits:
         velocity: Literal["robot"] | ArrayLike = "robot",
         lower: Literal["robot"] | ArrayLike = "robot",
         upper: Literal["robot"] | ArrayLike = "robot",
+        stop_velocity: Literal["robot"] | StopVelocity | None = "robot",
         position_margin: float = 0.0,
         velocity_margin: float = 0.0,
+        acceleration: ArrayLike | None = None,
         braking_acceleration: ArrayLike | None = None,
         braking_jerk: ArrayLike | None = None,
     ) -> None:
         robot, n = system.robot, system.n
         self.effort = _limit("effort", effort, robot.effort_limit, n)
         self.velocity = _limit("velocity", velocity, robot.velocity_limit, n)
-        self.velocity = self.velocity * (1.0 - number("velocity_margin", velocity_margin, minimum=0.0, maximum=0.9))
+        slower = 1.0 - number("velocity_margin", velocity_margin, minimum=0.0, maximum=0.9)
+        self.velocity = self.velocity * slower
         self.torque_rate = _limit("torque_rate", np.inf if torque_rate is None else torque_rate, robot.effort_limit, n)
         margin = number("position_margin", position_margin, minimum=0.0)
-        self.lower = _place("lower", lower, robot.lower, n) + margin
-        self.upper = _place("upper", upper, robot.upper, n) - margin
+        near = _stop_velocity(stop_velocity, system)
+        has_curve = np.isfinite(near.deceleration)  # whose stops are the robot's, wherever the limits are
+        lowest = np.where(has_curve, robot.lower + near.no_speed, -np.inf)
+        highest = np.where(has_curve, robot.upper - near.no_speed, np.inf)
+        self.lower = np.maximum(_place("lower", lower, robot.lower, n), lowest) + margin
+        self.upper = np.minimum(_place("upper", upper, robot.upper, n), highest) - margin
         if (self.lower >= self.upper).any():
             raise InvalidArgumentError("upper", "must be above lower by more than twice the position_margin")
         if braking_acceleration is None:
@@ -90,13 +109,63 @@ class Limits:
         if braking_acceleration is None:
             gentle = np.sqrt(_BUILD_UP * self.braking_jerk * self.velocity)
             self.braking_acceleration = np.minimum(self.braking_acceleration, gentle)
+        if acceleration is not None:
+            most = _limit("acceleration", acceleration, robot.effort_limit, n)
+            self.braking_acceleration = np.minimum(self.braking_acceleration, most)
+        # below the robot's curve by the margin, and with the same slope at its end where braking is the weaker
+        curve = slower * slower * near.deceleration
+        stopping = np.minimum(self.braking_acceleration, curve)
+        self._twice_offset = np.tile(slower * near.offset * (stopping / curve), 2)
         self._twice_velocity = np.tile(self.velocity, 2)
         self._return_speed = -np.minimum(_RETURN_SPEED * self._twice_velocity, 0.5)
-        self._twice_braking = np.tile(self.braking_acceleration, 2)
+        self._twice_braking = np.tile(stopping, 2)
         self._twice_jerk = np.tile(self.braking_jerk, 2)
         self._edges = np.concatenate([self.upper, -self.lower])
         for array in vars(self).values():
             array.flags.writeable = False
+
+    @classmethod
+    def franka(
+        cls,
+        system: MechanicalSystem,
+        model: Literal["fr3", "fer"] = "fr3",
+        *,
+        position_margin: float = 0.01,
+        velocity_margin: float = 0.1,
+    ) -> Limits:
+        """Return the documented limits of a Franka arm: torque, its rate (1000 N·m/s), velocity, acceleration.
+
+        Where the arm's description has narrower limits of position, effort or velocity these hold, and where it has
+        velocity limits near the stops, these and the stops they belong to: they are the robot's own.
+
+        Args:
+            system: the model of the arm; the seven joints must be in the robot's order.
+            model: "fr3" for a Franka Research 3, "fer" for a Franka Emika Robot (Panda).
+            position_margin: as above [rad].
+            velocity_margin: as above; on top of what is documented.
+
+        The numbers are from libfranka 0.21 (``rate_limiting.h``) and Franka's "Robot Limits".
+        """
+        robot = system.robot
+        documented = FRANKA_LIMITS[choice("model", model, FRANKA_LIMITS)]
+        if system.n != len(documented.effort):
+            message = f"must be an arm of 7 joints, but {robot.name} has {system.n}; lock the others (locked_joints)"
+            raise InvalidArgumentError("system", message)
+        near, (lower, upper) = robot.stop_velocity, (robot.lower.tolist(), robot.upper.tolist())
+        if near is None:
+            near, (lower, upper) = documented.stop_velocity, documented.range_within(robot.lower, robot.upper)
+        return cls(
+            system,
+            effort=np.minimum(documented.effort, robot.effort_limit),
+            torque_rate=documented.torque_rate,
+            velocity=np.minimum(documented.velocity, robot.velocity_limit),
+            lower=lower,
+            upper=upper,
+            stop_velocity=near,
+            position_margin=position_margin,
+            velocity_margin=velocity_margin,
+            acceleration=documented.acceleration,
+        )
 
     def velocity_bounds(self, position: Array, velocity: Array, period: float) -> tuple[Array, Array]:
         """Return the lowest and the highest next velocity, shape (n,) each [rad/s]."""
@@ -106,11 +175,26 @@ class Limits:
             period,
             self._edges,
             self._twice_braking,
+            self._twice_offset,
             self._twice_jerk,
             self._twice_velocity,
             _RETURN_TIME,
             self._return_speed,
         )
+
+
+def _stop_velocity(value: Literal["robot"] | StopVelocity | None, system: MechanicalSystem) -> StopVelocity:
+    """Return the limits near the stops for each joint; those of a joint without one do not bind."""
+    if isinstance(value, str):
+        _check_word("stop_velocity", value)
+        value = system.robot.stop_velocity
+    if value is None:
+        value = StopVelocity(0.0, np.inf)
+    if not isinstance(value, StopVelocity):
+        raise InvalidArgumentError("stop_velocity", f"must be 'robot', a StopVelocity or None, but is {value!r}")
+    if value.offset.size not in (1, system.n):
+        raise InvalidArgumentError("stop_velocity", f"must be for {system.n} joints, but is for {value.offset.size}")
+    return StopVelocity(np.broadcast_to(value.offset, system.n), np.broadcast_to(value.deceleration, system.n))
 
 
 def _limit(name: str, value: Literal["robot"] | ArrayLike, of_robot: Array, n: int) -> Array:

@@ -22,6 +22,7 @@ from phcontrol.safety.problem import UNBOUNDED, Problem
 from phcontrol.safety.quadratic_program import SolverName
 from phcontrol.safety.storage_condition import StorageCondition
 from phcontrol.safety.torque_program import TorqueProgram
+from phcontrol.safety.torque_range import RobotShare, torque_range
 
 _ANYWHERE = math.inf  # how far a scaled torque may be
 _FARTHEST = 1e6  # a desired torque beyond this many times the effort limit is taken as that
@@ -203,6 +204,7 @@ class TorqueFilter:
         torque: Array,
         *,
         previous: Array | None = None,
+        share: RobotShare | None = None,
         external_force: Array | None = None,
         port: PassivePort | None = None,
     ) -> FilteredTorque:
@@ -212,11 +214,12 @@ class TorqueFilter:
             x: the state now.
             torque: u★, what the law desires [N·m], finite.
             previous: the torque applied until now [N·m], for the rate limit; None for a start without one.
+            share: what the robot adds itself: 1 and 2 hold for what the motors carry, and for what is sent.
             external_force: f_e [N·m] as far as it is known, for the prediction.
             port: of the law (``Controller.passive_port``); None leaves condition 4 out.
         """
         torque = np.ascontiguousarray(torque, dtype=float)
-        box = self._box(previous)
+        box = self._box(previous, share)
         nearest, unchanged = kernels.nearest_torque(torque, box.low, box.high)
         motion = self._motion(x, external_force)
         bounds = self._bounds(x, motion)
@@ -232,8 +235,10 @@ class TorqueFilter:
             return FilteredTorque(nearest, status, 0.0, 0.0)
         return self._solve(x, torque, box, motion, bounds, condition, nearest, velocity)
 
-    def _box(self, previous: Array | None) -> _Box:
+    def _box(self, previous: Array | None, share: RobotShare | None) -> _Box:
         """Return the torques that effort and rate allow, with their scales."""
+        if share is not None:
+            return self._shared_box(previous, share)
         if previous is None or not self._has_rate:
             if not self._has_rate:
                 return self._effort_box
@@ -247,6 +252,17 @@ class TorqueFilter:
             highest = np.where(free, UNBOUNDED, 1.0)
             return _Box(low, high, centre, reach, -highest, highest)
         return _Box(low, high, centre, reach, self._effort_box.lowest, self._effort_box.highest)
+
+    def _shared_box(self, previous: Array | None, share: RobotShare) -> _Box:
+        """Return the same where a robot adds to what is sent."""
+        low, high = torque_range(self.limits.effort, self._rate_bound, previous if self._has_rate else None, share)
+        centre, reach = 0.5 * (low + high), 0.5 * (high - low)
+        highest = np.ones(self.system.n)
+        if self._has_infinite_bounds:
+            free = np.isinf(reach)
+            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
+            highest = np.where(free, UNBOUNDED, highest)
+        return _Box(low, high, centre, reach, -highest, highest)
 
     def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
         """Return what the prediction needs."""
@@ -304,7 +320,7 @@ class TorqueFilter:
             metric = motion.response
         elif self._metric is not None:
             metric = self._metric
-        elif not self._has_rate:
+        elif reach is self._scale:
             return None
         else:
             return kernels.effort_metric(reach, self._scale)

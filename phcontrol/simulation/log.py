@@ -20,6 +20,7 @@ from phcontrol.simulation.log_file import FEATURES, FILTER, LARGEST, MEASURED, r
 from phcontrol.simulation.plant_record import plant_from_record, plant_record
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.sampled_control import SampledControl
+from phcontrol.simulation.signals import Signal, Signals
 from phcontrol.simulation.vector_field import ClosedLoop, Evaluation
 
 if TYPE_CHECKING:
@@ -449,6 +450,32 @@ class Log:
         """Plots of the run (needs matplotlib): ``log.plot.position()``, ``log.plot()``; see ``LogPlots``."""
         # by name: the way of the data goes from a log to its pictures
         return import_module("phcontrol.visualization.log_plots").LogPlots(self)
+
+    @property
+    def signals(self) -> Signals:
+        """The run's signals and energies, for other programs."""
+        names = tuple(self.metadata["joint_names"])
+        units = {"position": "rad", "velocity": "rad/s", "torque": "N·m", "external_force": "N·m"}
+        quantities = {name: Signal(self._data[name], unit, names) for name, unit in units.items()}
+        if self.controller_state.size:
+            quantities["controller_state"] = Signal(self.controller_state, "1")
+        for name, column in self._derived().items():
+            if DERIVED[name].shape == ():
+                quantities[name] = Signal(column, "W" if name.endswith("power") else "J")
+        kept = ("robot", "controller", "interconnection", "dt", "integrator", "control_period")
+        return Signals(self.time, quantities, {name: self.metadata.get(name) for name in kept})
+
+    def to_xarray(self) -> Any:
+        """Return it as an ``xarray.Dataset``; see :meth:`Signals.to_xarray`."""
+        return self.signals.to_xarray()
+
+    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as an MCAP file; see :meth:`Signals.to_mcap`."""
+        return self.signals.to_mcap(path)
+
+    def to_rerun(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as a Rerun recording; see :meth:`Signals.to_rerun`."""
+        return self.signals.to_rerun(path, str(self.metadata["robot"]))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the log as a pandas DataFrame indexed by time (needs pandas)."""

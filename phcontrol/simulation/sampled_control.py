@@ -14,6 +14,7 @@ from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.safety.clipping import clipped
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
+from phcontrol.safety.torque_range import RobotShare, torque_range
 from phcontrol.sensors.measured import Measured
 
 
@@ -56,6 +57,8 @@ class SampledControl:
         """The law's own torque in the last period [N·m]."""
         self.torque: Array | None = None
         """The torque of the last period [N·m]; None before the first."""
+        self.share: RobotShare | None = None
+        """What a robot adds itself to the torque it is sent, to be set before each step; None where it adds nothing."""
         self.filtered: FilteredTorque | None = None
         """What the filter said in the last period; None without one."""
 
@@ -98,11 +101,13 @@ class SampledControl:
         """Return a torque after filter and limits [N·m], which is remembered as the last one."""
         if self.filter is not None:
             view, force = x.seen_by(self.filter.system), measured.external_force
-            self.filtered = self.filter.filter(view, torque, previous=self.torque, external_force=force, port=port)
+            self.filtered = self.filter.filter(
+                view, torque, previous=self.torque, share=self.share, external_force=force, port=port
+            )
             torque = self.filtered.torque
         limit = self.torque_limit
         if limit is not None:
-            torque = clipped(torque, -limit, limit)
+            torque = clipped(torque, *torque_range(limit, limit, None, self.share))
         self.torque = torque
         return torque
 

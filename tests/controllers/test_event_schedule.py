@@ -303,7 +303,7 @@ def test_in_a_control_loop_it_switches_as_in_simulation_and_begins_anew_after_a_
     box = ph.ControlBox(shoulder, period=period, disturbance=push)
     loop = ph.ControlLoop(shoulder, schedule, period, start_time=0.0, clock=lambda: box.time, deadline=9.0)
     arm, states = ph.SimulatedArm(box), []
-    ph.drive(loop, arm, 1.0, paced=False, each_step=lambda *_: states.append(loop.controller_state))
+    ph.drive(loop, arm, 1.0, each_step=lambda *_: states.append(loop.controller_state))
     times = np.arange(len(states)) * period
     [same] = schedule.switches(times, np.array(states))
     assert loop.fault is None
@@ -311,9 +311,9 @@ def test_in_a_control_loop_it_switches_as_in_simulation_and_begins_anew_after_a_
     assert same.time == pytest.approx(switch.time, abs=2 * period)
     assert schedule.report(loop.controller_state).startswith("in 'yield'")
     loop.stop()
-    ph.drive(loop, arm, 0.3, paced=False)
+    ph.drive(loop, arm, 0.3)
     loop.restart()
-    ph.drive(loop, arm, 0.02, paced=False)
+    ph.drive(loop, arm, 0.02)
     assert schedule.phase(loop.controller_state) == "wait"
     assert loop.controller_state[1] > 1.0  # its phase began at the restart, not at 0: it waits for its whole time
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import runpy
 import signal
@@ -225,6 +226,7 @@ def test_a_driver_may_do_anything_with_a_torque_and_have_no_reading_at_times(sho
     plain = SimulatedArm(box)
 
     class Driver:
+        gravity, pace = "controller", "write"
         reads = 0
 
         def read(self):
@@ -237,7 +239,7 @@ def test_a_driver_may_do_anything_with_a_torque_and_have_no_reading_at_times(sho
 
     loop = ControlLoop(shoulder, make_controller("energy_shaping", shoulder), 1e-3, clock=lambda: box.time)
     torques = []
-    drive(loop, Driver(), 0.05, paced=False, each_step=lambda t, reading, torque: torques.append(torque))
+    drive(loop, Driver(), 0.05, each_step=lambda t, reading, torque: torques.append(torque))
     assert np.isfinite(torques).all()
     assert len(torques) == 50
     assert np.abs(np.diff(torques, axis=0)).max() < 0.5
@@ -262,6 +264,8 @@ def test_missed_periods_are_not_made_up_for(shoulder, monkeypatch):
     monkeypatch.setattr(arm_driver, "time", clock)
 
     class Driver:
+        gravity, pace = "controller", "clock"
+
         def read(self):
             begins.append(clock.now)
             clock.now += 1e-4
@@ -294,3 +298,47 @@ def test_the_hardware_example_runs(monkeypatch, capsys):
     assert "modes: STARTING" in printed
     assert "'malformed': 0" in printed
     assert "steps: computing" in printed
+
+
+@pytest.mark.xdist_group("udp")
+def test_a_process_that_is_stopped_in_mid_motion_leaves_an_arm_that_brakes_by_itself(tmp_path):
+    """SIGSTOP of the loop's process, and SIGCONT: the box's watchdog ended the torque, and the loop starts again."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import json, os, signal, sys\n"
+        "import numpy as np\n"
+        "from phcontrol import ControlLoop, UdpArm, drive, make_controller\n"
+        "from tests.runtime.test_arm_drivers import make_shoulder\n"
+        "if __name__ == '__main__':\n"
+        "    system = make_shoulder()\n"
+        "    law = make_controller('energy_shaping', system, [1.0, -0.4])\n"
+        "    loop = ControlLoop(system, law, 5e-3, start_time=0.0, stale_after=0.1, deadline=1.0)\n"
+        "    speeds, modes = [], []\n"
+        "    def note(t, reading, torque):\n"
+        "        speeds.append(float(np.abs(reading.velocity).max()))\n"
+        "        modes.append(loop.mode.name)\n"
+        "        if len(speeds) > 5 and speeds[-1] > 0.3 and 'STOPPING' not in modes and len(stopped) == 0:\n"
+        "            stopped.append(len(speeds))\n"
+        "            os.kill(os.getpid(), signal.SIGSTOP)\n"
+        "    stopped = []\n"
+        "    with UdpArm(make_shoulder, duration=60.0, period=2e-3) as arm:\n"
+        "        drive(loop, arm, 2.0, each_step=note)\n"
+        "    print(json.dumps({'speeds': speeds, 'modes': modes, 'stopped': stopped}))\n"
+    )
+    root = str(Path(__file__).parents[2])
+    child = subprocess.Popen(
+        [sys.executable, program], stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": root}
+    )
+    process = psutil.Process(child.pid)
+    for _ in range(6000):
+        if process.status() == psutil.STATUS_STOPPED:
+            break
+        time.sleep(0.01)
+    time.sleep(1.0)
+    child.send_signal(signal.SIGCONT)
+    found = json.loads(child.communicate(timeout=120)[0])
+    assert len(found["stopped"]) == 1
+    moment = found["stopped"][0]
+    assert found["speeds"][moment - 1] > 0.3
+    assert found["speeds"][moment] < 0.05 * found["speeds"][moment - 1]  # the next reading: the arm stands
+    assert "STOPPING" in found["modes"][moment:]

@@ -51,7 +51,7 @@ def run(loop, arm, seconds):
         positions.append(arm.box.reading().position)
         speeds.append(arm.box.reading().velocity)
 
-    drive(loop, arm, seconds, paced=False, each_step=note)
+    drive(loop, arm, seconds, each_step=note)
     return modes, np.array(torques), np.array(positions), np.array(speeds)
 
 
@@ -139,7 +139,7 @@ def test_one_late_reading_is_nothing(pera):
     for k in range(100):
         loop.step(q, v, age=(k % 5) * PERIOD)
     assert loop.mode == LoopMode.RUNNING
-    assert loop.counts == {"stale": 0, "implausible": 0, "measured": 0, "stops": 0}
+    assert loop.counts == {"stale": 0, "implausible": 0, "measured": 0, "stops": 0, "lost": 0}
 
 
 @pytest.mark.parametrize(

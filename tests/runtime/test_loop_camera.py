@@ -135,14 +135,14 @@ def served(seconds, covered=(9.0, 9.0), view=None, rate=30.0, **options):
         features.append(THING.features(SYSTEM.at(reading.position)))
         speeds.append(np.abs(reading.velocity).max())
 
-    ph.drive(loop, ph.SimulatedArm(box), seconds, paced=False, each_step=note)
+    ph.drive(loop, ph.SimulatedArm(box), seconds, each_step=note)
     return loop, law, modes, np.array(features), np.array(speeds)
 
 
 def test_an_arm_servos_by_images_of_thirty_a_second():
     loop, law, modes, features, _ = served(5.0)
     assert loop.fault is None
-    assert loop.counts == {"stale": 0, "implausible": 0, "measured": 0, "stops": 0}
+    assert loop.counts == {"stale": 0, "implausible": 0, "measured": 0, "stops": 0, "lost": 0}
     assert modes[-1] == LoopMode.RUNNING
     off = np.abs(features - law.goal).max(axis=1)
     assert off[0] > 3e-3

@@ -59,13 +59,31 @@ def test_turning_with_the_jerk_ends_at_the_bound(implementation):
     velocity = np.array([0.3, -0.5])
     for jerk in (50.0, 5000.0):
         lowest, highest = implementation.speed_bounds(
-            np.zeros(2), velocity, h, edges, braking, np.full(4, jerk), np.tile(limit, 2), 0.05, np.full(4, -0.2)
+            np.zeros(2),
+            velocity,
+            h,
+            edges,
+            braking,
+            np.zeros(4),
+            np.full(4, jerk),
+            np.tile(limit, 2),
+            0.05,
+            np.full(4, -0.2),
         )
         for sign, bound in ((1.0, highest), (-1.0, lowest)):
             speed, following = sign * velocity, sign * bound
             turned = following + ((following - speed) / h) ** 2 / (2.0 * jerk)
             np.testing.assert_allclose(turned, limit, rtol=1e-9)
     lowest, highest = implementation.speed_bounds(
-        np.zeros(2), velocity, h, edges, braking, np.full(4, np.inf), np.tile(limit, 2), 0.05, np.full(4, -0.2)
+        np.zeros(2),
+        velocity,
+        h,
+        edges,
+        braking,
+        np.zeros(4),
+        np.full(4, np.inf),
+        np.tile(limit, 2),
+        0.05,
+        np.full(4, -0.2),
     )
     np.testing.assert_array_equal([lowest, highest], [-limit, limit])

@@ -37,11 +37,15 @@ def test_from_the_speed_bounds_a_joint_just_stops_at_its_limit(kernels, seed, pe
     upper, lower, braking = np.full(n, 1.2), np.full(n, -1.2), rng.uniform(1.0, 50.0, n)
     upper[0] = np.inf
     back, edges, jerk = np.full(2 * n, -0.25), np.concatenate([upper, -lower]), np.full(2 * n, np.inf)
-    low, high = kernels.speed_bounds(q, v, period, edges, np.tile(braking, 2), jerk, np.tile(most, 2), 0.05, back)
+    offset = rng.choice([0.0, 0.3, 0.6], n)
+    low, high = kernels.speed_bounds(
+        q, v, period, edges, np.tile(braking, 2), np.tile(offset, 2), jerk, np.tile(most, 2), 0.05, back
+    )
     for bound, edge, way in ((high, upper, 1.0), (-low, -lower, -1.0)):
         for joint in range(n):
             room = edge[joint] - way * (q + 0.5 * period * v)[joint]
-            needed = 0.5 * period * bound[joint] + bound[joint] ** 2 / (2.0 * braking[joint])
+            squares = (bound[joint] + offset[joint]) ** 2 - offset[joint] ** 2
+            needed = 0.5 * period * bound[joint] + squares / (2.0 * braking[joint])
             if room < 0.0:  # outside already: a gentle return
                 assert bound[joint] == pytest.approx(max(room / 0.05, -0.25))
             elif bound[joint] < most[joint]:
@@ -59,7 +63,7 @@ def test_from_the_speed_bounds_the_acceleration_can_be_turned_in_time(kernels, s
     jerk, most = rng.uniform(50.0, 2e3), rng.uniform(0.5, 2.0)
     braking = np.sqrt(rng.uniform(0.01, 0.3) * jerk * most)  # what the limits choose
     q, v, a, side = np.zeros(1), np.zeros(1), 0.0, rng.choice([-1.0, 1.0])
-    arguments = [np.full(2, value) for value in (1.0, braking, jerk, most)]
+    arguments = [np.full(2, value) for value in (1.0, braking, 0.0, jerk, most)]
     for _ in range(int(3.0 / (most * period))):
         low, high = kernels.speed_bounds(q, v, period, *arguments, 0.05, np.full(2, -0.25))
         following = high if side > 0.0 else low
@@ -75,7 +79,7 @@ def test_from_the_speed_bounds_the_acceleration_can_be_turned_in_time(kernels, s
 @every_implementation
 def test_a_joint_too_fast_may_brake_as_hard_as_that_asks(kernels):
     """The bound on the other side, which would have it brake gently, gives way; both are never contrary."""
-    arguments = [np.full(2, value) for value in (1.0, 5.0, 10.0, 1.0)]
+    arguments = [np.full(2, value) for value in (1.0, 5.0, 0.0, 10.0, 1.0)]
     for v in (3.0, -3.0):
         low, high = kernels.speed_bounds(np.zeros(1), np.full(1, v), 1e-3, *arguments, 0.05, np.full(2, -0.25))
         assert low[0] == high[0] == np.sign(v)
@@ -227,7 +231,7 @@ def test_the_compiled_kernels_refuse_what_they_cannot_read():
                 with pytest.raises(ValueError, match="must be"):
                     kernel(*wrong)
     with pytest.raises(ValueError, match="edges"):
-        compiled.speed_bounds(z, z, 1e-3, z, z, z, z, 0.05, z)
+        compiled.speed_bounds(z, z, 1e-3, z, z, z, z, z, 0.05, z)
 
 
 @every_implementation

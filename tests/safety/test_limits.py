@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phcontrol import InvalidArgumentError, Limits, MechanicalSystem, load_robot
+from phcontrol import (
+    InvalidArgumentError,
+    Limits,
+    MechanicalSystem,
+    RobotDescriptionError,
+    StopVelocity,
+    UnknownNameError,
+    load_robot,
+)
+from phcontrol.safety.franka_limits import FRANKA_LIMITS
 from tests.conftest import make_system
 
 PERIOD = 1e-3
@@ -152,3 +161,179 @@ def test_the_gripper_spring_counts_as_a_load():
     robot = load_robot("pera_gripper")
     with_spring, without = Limits(MechanicalSystem(robot)), Limits(MechanicalSystem(robot), effort=100.0)
     assert with_spring.braking_acceleration < without.braking_acceleration
+
+
+# --- velocities near the stops --------------------------------------------------------------------------------
+
+
+def libfrankas_highest(q):
+    """``computeUpperLimitsJointVelocity`` of libfranka's rate_limiting.h, without its tolerance, as it stands there."""
+    return np.array(
+        [
+            min(2.62, max(0.0, -0.30 + np.sqrt(max(0.0, 12.0 * (2.75010 - q[0]))))),
+            min(2.62, max(0.0, -0.20 + np.sqrt(max(0.0, 5.17 * (1.79180 - q[1]))))),
+            min(2.62, max(0.0, -0.20 + np.sqrt(max(0.0, 7.00 * (2.90650 - q[2]))))),
+            min(2.62, max(0.0, -0.30 + np.sqrt(max(0.0, 8.00 * (-0.1458 - q[3]))))),
+            min(5.26, max(0.0, -0.35 + np.sqrt(max(0.0, 34.0 * (2.81010 - q[4]))))),
+            min(4.18, max(0.0, -0.35 + np.sqrt(max(0.0, 11.0 * (4.52050 - q[5]))))),
+            min(5.26, max(0.0, -0.35 + np.sqrt(max(0.0, 34.0 * (3.01960 - q[6]))))),
+        ]
+    )
+
+
+def libfrankas_lowest(q):
+    return np.array(
+        [
+            max(-2.62, min(0.0, 0.30 - np.sqrt(max(0.0, 12.0 * (2.750100 + q[0]))))),
+            max(-2.62, min(0.0, 0.20 - np.sqrt(max(0.0, 5.17 * (1.791800 + q[1]))))),
+            max(-2.62, min(0.0, 0.20 - np.sqrt(max(0.0, 7.00 * (2.906500 + q[2]))))),
+            max(-2.62, min(0.0, 0.30 - np.sqrt(max(0.0, 8.00 * (3.048100 + q[3]))))),
+            max(-5.26, min(0.0, 0.35 - np.sqrt(max(0.0, 34.0 * (2.810100 + q[4]))))),
+            max(-4.18, min(0.0, 0.35 - np.sqrt(max(0.0, 11.0 * (-0.54092 + q[5]))))),
+            max(-5.26, min(0.0, 0.35 - np.sqrt(max(0.0, 34.0 * (3.019600 + q[6]))))),
+        ]
+    )
+
+
+def test_franka_limits_near_the_stops_are_libfrankas():
+    documented, rng = FRANKA_LIMITS["fr3"], np.random.default_rng(0)
+    lower, upper, velocity = (np.array(field) for field in (documented.lower, documented.upper, documented.velocity))
+    for _ in range(300):
+        q = rng.uniform(lower - 0.05, upper + 0.05)
+        high, low = documented.stop_velocity.upper(q, upper), documented.stop_velocity.lower(q, lower)
+        np.testing.assert_allclose(np.minimum(high, velocity), libfrankas_highest(q), atol=1e-12)
+        np.testing.assert_allclose(np.maximum(low, -velocity), libfrankas_lowest(q), atol=1e-12)
+
+
+@pytest.mark.parametrize("braking", [2.0, 50.0])
+def test_driven_at_the_bounds_an_arm_keeps_the_velocities_near_the_stops(braking):
+    """From the middle to each stop as fast as allowed: under the robot's curve at every period, and near it.
+
+    Without it (before) the arm was at 2.238 rad/s where 2.136 is allowed. Where braking is weaker than the curve's
+    deceleration, no step asks for more than it.
+    """
+    system, stop = make_system("panda"), FRANKA_LIMITS["fr3"].stop_velocity
+    limits = Limits(system, velocity=[2.62] * 4 + [5.26, 4.18, 5.26], stop_velocity=stop, braking_acceleration=braking)
+    bare = Limits(system, velocity=[2.62] * 4 + [5.26, 4.18, 5.26], stop_velocity=None, braking_acceleration=braking)
+    robot = system.robot
+    for side, stops, allowed in ((1, robot.upper, stop.upper), (0, robot.lower, stop.lower)):
+        worst = {}
+        for name, kept in (("kept", limits), ("bare", bare)):
+            q, v = 0.5 * (robot.lower + robot.upper), np.zeros(7)
+            excess, nearest, hardest = -np.inf, np.inf, 0.0
+            for _ in range(6000):
+                following = kept.velocity_bounds(q, v, PERIOD)[side]
+                hardest = max(hardest, (np.abs(v) - np.abs(following)).max() / PERIOD)
+                q, v = q + 0.5 * PERIOD * (v + following), following
+                beyond = np.abs(v) - np.abs(allowed(q, stops))
+                excess, nearest = max(excess, beyond.max()), min(nearest, np.abs(beyond).max())
+            worst[name] = excess
+            if name == "kept":
+                assert hardest <= braking * 1.01
+                np.testing.assert_allclose(np.abs(stops - q), stop.no_speed, atol=2e-3)
+        assert worst["kept"] <= 1e-9
+        assert braking < 3.0 or worst["bare"] > 0.3
+
+
+def test_the_velocity_margin_lowers_the_velocities_near_the_stops_too():
+    system, stop = make_system("panda"), StopVelocity(0.3, 4.0)
+    limits = Limits(system, stop_velocity=stop, velocity_margin=0.2, braking_acceleration=50.0, velocity=50.0)
+    q = system.robot.upper - 0.3
+    high = limits.velocity_bounds(q, np.zeros(7), 1e-6)[1]
+    np.testing.assert_allclose(high, 0.8 * stop.upper(q, system.robot.upper), rtol=1e-5)
+
+
+def test_frankas_limits_are_the_documented_ones_and_the_descriptions_where_narrower():
+    system = make_system("panda")
+    limits = Limits.franka(system, "fer", velocity_margin=0.0, position_margin=0.0)
+    np.testing.assert_array_equal(limits.torque_rate, 999.999)  # at 1000 rounding decides whether a robot stops
+    np.testing.assert_array_equal(limits.effort, [87.0] * 4 + [12.0] * 3)
+    assert (limits.braking_acceleration <= [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]).all()
+    assert (limits.velocity == np.minimum(FRANKA_LIMITS["fer"].velocity, system.robot.velocity_limit)).all()
+    research = Limits.franka(system, velocity_margin=0.0, position_margin=0.0)
+    assert (research.braking_acceleration <= 10.0).all()
+    rng = np.random.default_rng(0)
+    for _ in range(200):  # the first bound that binds may be the narrower one of the Panda's description
+        q = rng.uniform(research.lower, research.upper)
+        low, high = research.velocity_bounds(q, np.zeros(7), PERIOD)
+        assert (high <= libfrankas_highest(q + PERIOD * high) + 1e-9).all()
+        assert (low >= libfrankas_lowest(q + PERIOD * low) - 1e-9).all()
+    with pytest.raises(InvalidArgumentError, match="system: must be an arm of 7 joints, but ur5 has 6"):
+        Limits.franka(make_system("ur5"))
+    with pytest.raises(UnknownNameError, match="model"):
+        Limits.franka(system, "fr2")
+
+
+FRANKA_JOINT = """
+<joint name="joint" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+  <limit effort="87.0" lower="-3.0770" upper="-0.1169" velocity="2.62"/>
+  {near}
+  <dynamics D="1" K="7000" damping="0.003" friction="0.2" gear_ratio="120.0" motor_inertia="3.2e-05"/>
+</joint>"""
+LINK = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def franka_joint(tmp_path, near):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        f'<robot name="arm"><link name="a"/><link name="b">{LINK}</link>{FRANKA_JOINT.format(near=near)}</robot>'
+    )
+    return load_robot(path)
+
+
+def test_velocities_near_the_stops_are_read_from_a_urdf(tmp_path):
+    near = '<position_based_velocity_limits deceleration_limit="4.0" velocity_offset="0.3542"/>'
+    robot = franka_joint(tmp_path, near)
+    assert robot.stop_velocity.offset == 0.3542
+    assert robot.stop_velocity.deceleration == 4.0
+    limits = Limits(MechanicalSystem(robot, friction=None), braking_acceleration=20.0)
+    high = limits.velocity_bounds(np.array([-0.8]), np.zeros(1), 1e-6)[1]
+    np.testing.assert_allclose(high, -0.3542 + np.sqrt(8.0 * (-0.1169 + 0.8)), rtol=1e-5)
+    assert franka_joint(tmp_path, "").stop_velocity is None
+
+
+@pytest.mark.parametrize(
+    ("near", "message"),
+    [
+        ('<position_based_velocity_limits velocity_offset="0.3"/>', "has no deceleration_limit"),
+        ('<position_based_velocity_limits deceleration_limit="4"/>', "has no velocity_offset"),
+        (
+            '<position_based_velocity_limits deceleration_limit="0" velocity_offset="0.3"/>',
+            "deceleration_limit 0; it must be above zero",
+        ),
+        (
+            '<position_based_velocity_limits deceleration_limit="4" velocity_offset="-0.3"/>',
+            "velocity_offset -0.3; it must not be negative",
+        ),
+        (
+            '<position_based_velocity_limits deceleration="4" velocity_offset="0.3"/>',
+            "has no attribute 'deceleration'",
+        ),
+        ('<position_based_velocity_limit deceleration_limit="4"/>', "would be overlooked"),
+    ],
+)
+def test_bad_velocities_near_the_stops_are_refused(tmp_path, near, message):
+    with pytest.raises(RobotDescriptionError, match=message):
+        franka_joint(tmp_path, near)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((-0.1, 4.0), "offset: must be finite and >= 0"),
+        ((0.1, 0.0), "deceleration: must be > 0"),
+        ((0.1, np.nan), "deceleration: must be > 0"),
+        (([0.1, 0.2], [1.0, 2.0, 3.0]), "offset: must be one number or one each joint"),
+        (("x", 1.0), "offset: must be one number"),
+    ],
+)
+def test_bad_stop_velocities_are_refused(arguments, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        StopVelocity(*arguments)
+
+
+def test_stop_velocities_of_another_arm_are_refused(pera):
+    with pytest.raises(InvalidArgumentError, match="stop_velocity: must be for 7 joints, but is for 2"):
+        Limits(pera, stop_velocity=StopVelocity([0.1, 0.2], 3.0))
+    with pytest.raises(InvalidArgumentError, match="stop_velocity: must be 'robot', a StopVelocity or None"):
+        Limits(pera, stop_velocity=3.0)

@@ -1,0 +1,246 @@
+"""The log of a control loop: a ring of rows in a file that outlives the process."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import struct
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from phcontrol._files import check_file_place, open_regular
+from phcontrol._validation import Array, positive
+from phcontrol._version import __version__
+from phcontrol.exceptions import DataFileError, PHControlError
+from phcontrol.runtime.arm_driver import Reading
+from phcontrol.runtime.control_loop import ControlLoop
+from phcontrol.runtime.loop_mode import LoopMode
+from phcontrol.simulation.signals import Signal, Signals
+
+_MAGIC = b"phcloop1"
+_HEAD = struct.Struct("<8sQQQ")  # magic, bytes of the text that follows, numbers in a row, rows
+_PAGE = 4096
+_LARGEST_TEXT = 2**20
+_LARGEST = 2**36  # of a file [bytes]
+_UNITS = {
+    "position": "rad", "velocity": "rad/s", "torque": "N·m", "desired": "N·m", "external_force": "N·m",
+    "age": "s", "computing": "s", "mode": "1", "filter": "1", "state": "1",
+}  # fmt: skip
+
+
+class LoopLog:
+    """Keeps the newest rows of a loop in a file: what it read, what the law desired, what was sent, and how it went.
+
+        with LoopLog("run.loop", loop, duration=600.0) as log:
+            drive(loop, arm, 60.0, each_step=log)
+        record = read_loop_log("run.loop")
+        record.to_mcap("run.mcap")
+
+    The file is as large as ``duration`` asks from the start, and mapped into memory: a row is written by copying some
+    300 bytes, which never waits for the disk; the operating system writes it in the background. So **nothing is lost
+    when the process ends**, by an error, a signal or ``kill -9`` (only when the computer does): each row carries its
+    number, written last, and a row that was cut off is left out when read. When the file is full the oldest rows are
+    written over.
+
+    Args:
+        path: of the file; an old one is replaced.
+        loop: whose steps they are.
+        duration: how much is kept [s].
+    """
+
+    def __init__(self, path: str | os.PathLike[str], loop: ControlLoop, duration: float = 600.0) -> None:
+        self.path, self._loop = Path(path), loop
+        n, states = loop.system.n, loop.controller_state.size
+        self._sizes = {
+            "time": 1, "age": 1, "computing": 1, "mode": 1, "filter": 1,
+            "position": n, "velocity": n, "torque": n, "desired": n, "external_force": n, "state": states,
+        }  # fmt: skip
+        self._places: dict[str, slice] = {}
+        place = 1
+        for name, size in self._sizes.items():
+            self._places[name] = slice(place, place + size)
+            place += size
+        self._rows = max(2, round(positive("duration", duration) / loop.period))
+        about = {
+            "phcontrol": __version__, "robot": loop.system.robot.name, "joints": list(loop.system.robot.joint_names),
+            "law": loop.law_name, "period": loop.period, "gravity": loop.gravity, "began": time.time(),
+            "places": {name: [part.start, part.stop] for name, part in self._places.items()},
+        }  # fmt: skip
+        text = json.dumps(about).encode()
+        start = -(-(_HEAD.size + len(text)) // _PAGE) * _PAGE
+        size = start + 8 * place * self._rows
+        self._file = self._make(size)
+        try:
+            self._map = mmap.mmap(self._file, size)
+        finally:
+            os.close(self._file)
+        self._map[: _HEAD.size + len(text)] = _HEAD.pack(_MAGIC, len(text), place, self._rows) + text
+        self._table: Array = np.frombuffer(self._map, dtype=np.float64, count=place * self._rows, offset=start)
+        self._table = self._table.reshape(self._rows, place)
+        self._table[:] = 0.0  # so that no page is touched for the first time within a period
+        self._row = np.zeros(place)
+        self._count = 0
+
+    def __enter__(self) -> LoopLog:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        """How many rows are kept."""
+        return min(self._count, self._rows)
+
+    def __call__(self, t: float, reading: Reading, torque: Array) -> None:
+        """Keep a row: an ``each_step`` of ``drive``."""
+        row, places, loop = self._row, self._places, self._loop
+        row[places["time"]], row[places["age"]] = t, reading.age
+        row[places["computing"]], row[places["mode"]] = loop.computing, loop.mode
+        filtered = loop.filtered
+        row[places["filter"]] = np.nan if filtered is None else filtered.status
+        row[places["position"]], row[places["velocity"]] = reading.position, reading.velocity
+        row[places["torque"]], row[places["desired"]] = torque, loop.desired_torque
+        force = reading.measured.external_force
+        row[places["external_force"]] = np.nan if force is None else force
+        row[places["state"]] = loop.controller_state
+        kept = self._table[self._count % self._rows]
+        kept[0] = 0.0
+        kept[1:] = row[1:]
+        self._count += 1
+        kept[0] = self._count  # last: a row without its number is none
+
+    def close(self) -> None:
+        """Write what the operating system has not written yet, and let go of the file."""
+        if not self._map.closed:
+            del self._table
+            self._map.flush()
+            self._map.close()
+
+    def _make(self, size: int) -> int:
+        """Return a new file of a size, whose place on the disk is taken: a full disk must not be met in a loop."""
+        check_file_place(self.path)
+        if size > _LARGEST:
+            raise PHControlError(f"{self.path}: a log of {size / 2**30:.0f} GB is too large; keep a shorter duration")
+        fresh = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+        try:
+            os.posix_fallocate(file, 0, size)
+            os.replace(fresh, self.path)
+        except OSError as error:
+            os.close(file)
+            fresh.unlink(missing_ok=True)
+            raise PHControlError(
+                f"{self.path}: no place for a log of {size / 2**20:.0f} MB: {error.strerror}"
+            ) from error
+        return file
+
+
+class LoopRecord:
+    """What a :class:`LoopLog` kept, oldest row first."""
+
+    def __init__(self, about: dict[str, Any], table: Array) -> None:
+        self.about = about
+        """Robot, joints, law, period, when it began [s since 1970]."""
+        self._table, self._places = table, about["places"]
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def __repr__(self) -> str:
+        return f"<LoopRecord of {self.about['robot']}: {len(self)} steps>"
+
+    def column(self, name: str) -> Array:
+        """Return a quantity of every row: "time", "position", "velocity", "torque" (sent), "desired" (by the law),
+        "external_force" (NaN where none was measured), "state", "mode", "filter", "age" or "computing".
+
+        Raises PHControlError for another name.
+        """  # noqa: D205
+        if name not in self._places:
+            raise PHControlError(f"a loop's log has no '{name}'; it has {', '.join(self._places)}")
+        first, last = self._places[name]
+        values: Array = self._table[:, first:last]
+        several = ("position", "velocity", "torque", "desired", "external_force", "state")
+        return values if name in several else values[:, 0]
+
+    @property
+    def time(self) -> Array:
+        """Of each step [s]."""
+        return self.column("time")
+
+    @property
+    def modes(self) -> list[LoopMode]:
+        """Of each step."""
+        return [LoopMode(int(mode)) for mode in self.column("mode")]
+
+    @property
+    def signals(self) -> Signals:
+        """All quantities, for other programs."""
+        joints = tuple(self.about["joints"])
+        quantities = {}
+        for name in self._places:
+            values = self.column(name)
+            if name == "time" or not values.size:
+                continue
+            labels = joints if values.ndim == 2 and name != "state" else ()
+            quantities[name] = Signal(values, _UNITS[name], labels)
+        about = {name: value for name, value in self.about.items() if name != "places"}
+        return Signals(self.time, quantities, about)
+
+    def to_xarray(self) -> Any:
+        """Return it as an ``xarray.Dataset``; see :meth:`Signals.to_xarray`."""
+        return self.signals.to_xarray()
+
+    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as an MCAP file; see :meth:`Signals.to_mcap`."""
+        return self.signals.to_mcap(path)
+
+    def to_rerun(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as a Rerun recording; see :meth:`Signals.to_rerun`."""
+        return self.signals.to_rerun(path, str(self.about["robot"]))
+
+
+def read_loop_log(path: str | os.PathLike[str]) -> LoopRecord:
+    """Return what a loop's log has kept, while it is written or after, however the loop's process ended.
+
+    Raises DataFileError where the file is none, or is cut off.
+    """
+    try:
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            head = file.read(_HEAD.size)
+            if len(head) < _HEAD.size or not head.startswith(_MAGIC):
+                raise DataFileError(f"{os.fspath(path)}: not the log of a control loop")
+            _, length, width, rows = _HEAD.unpack(head)
+            if length > _LARGEST_TEXT or not 0 < width < 2**16 or not 0 < rows < 2**40:
+                raise DataFileError(f"{os.fspath(path)}: its head makes no sense")
+            about = json.loads(file.read(length))
+            start = -(-(_HEAD.size + length) // _PAGE) * _PAGE
+            if size != start + 8 * width * rows or size > _LARGEST:
+                raise DataFileError(f"{os.fspath(path)}: cut off: {size} bytes in place of {start + 8 * width * rows}")
+            file.seek(start)
+            table = np.frombuffer(file.read(8 * width * rows), dtype=np.float64).reshape(rows, width)
+        _check(about, width)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DataFileError(f"{os.fspath(path)}: not the log of a control loop: {error}") from error
+    numbers = table[:, 0]
+    whole = (numbers > 0.0) & (numbers % rows == (np.arange(rows) + 1) % rows)
+    return LoopRecord(about, table[whole][np.argsort(numbers[whole])])
+
+
+def _check(about: Any, width: int) -> None:
+    """Raise ValueError unless a log's text says where its numbers are."""
+    places = about["places"]
+    inside = all(1 <= int(first) <= int(last) <= width for first, last in places.values())
+    if (
+        not inside
+        or not isinstance(about["joints"], list)
+        or not {"time", "mode"} <= places.keys() <= _UNITS.keys() | {"time"}
+    ):
+        raise ValueError("its quantities are not where they can be")

@@ -1,0 +1,133 @@
+"""Signals over time, for other programs: MCAP (Foxglove, ROS 2), Rerun and xarray."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phcontrol._files import check_file_place
+from phcontrol._validation import Array
+from phcontrol._version import __version__
+from phcontrol.exceptions import PHControlError
+
+
+class Signal(NamedTuple):
+    """One quantity over time."""
+
+    values: Array
+    """Shape (k,) of one number, or (k, m)."""
+    unit: str
+    labels: tuple[str, ...] = ()
+    """Of the m components, the joints' names; none of one number."""
+
+
+class Signals(NamedTuple):
+    """Quantities at the same instants."""
+
+    time: Array
+    """Shape (k,) [s]."""
+    quantities: Mapping[str, Signal]
+    """By their names."""
+    attributes: Mapping[str, Any]
+    """What else is known of them; texts and numbers."""
+
+    def to_xarray(self) -> Any:
+        """Return them as an ``xarray.Dataset`` over time, with units; joints are a coordinate.
+
+        Raises PHControlError where xarray is not installed.
+        """
+        xarray = _load("xarray", "xarray")
+        variables = {}
+        axes: dict[str, tuple[str, ...]] = {}
+        for name, signal in self.quantities.items():
+            dimensions = ["time"]
+            if signal.values.ndim == 2:
+                axis = "joint" if signal.labels else f"{name}_component"
+                axes[axis] = signal.labels or tuple(map(str, range(signal.values.shape[1])))
+                dimensions.append(axis)
+            variables[name] = (dimensions, signal.values, {"units": signal.unit})
+        coordinates = {"time": ("time", self.time, {"units": "s"}), **{axis: list(of) for axis, of in axes.items()}}
+        return xarray.Dataset(variables, coordinates, {name: _plain(value) for name, value in self.attributes.items()})
+
+    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
+        """Write them as an MCAP file: a channel each, JSON messages of their components by name; return the path.
+
+        Times are nanoseconds since the run began. NaN is written as null. Raises PHControlError where mcap is not
+        installed.
+        """
+        _load("mcap", "mcap")
+        from mcap.writer import Writer
+
+        check_file_place(path)
+        with open(path, "wb") as file:
+            writer = Writer(file)
+            writer.start(profile="", library=f"phcontrol {__version__}")
+            channels = {name: self._channel(writer, name, signal) for name, signal in self.quantities.items()}
+            stamps = np.round(1e9 * np.asarray(self.time)).astype(np.int64).tolist()
+            for k, stamp in enumerate(stamps):
+                for name, signal in self.quantities.items():
+                    message = json.dumps(_message(signal, k)).encode()
+                    writer.add_message(channels[name], log_time=stamp, publish_time=stamp, data=message, sequence=k)
+            writer.add_metadata("phcontrol", {name: str(_plain(value)) for name, value in self.attributes.items()})
+            writer.finish()
+        return Path(path)
+
+    def to_rerun(self, path: str | os.PathLike[str], name: str = "phcontrol") -> Path:
+        """Write them as a Rerun recording (.rrd), a curve for each component; return the path.
+
+        Raises PHControlError where rerun is not installed.
+        """
+        rerun = _load("rerun", "rerun")
+        check_file_place(path)
+        stream = rerun.RecordingStream(name)
+        stream.save(os.fspath(path))
+        times = rerun.TimeColumn("time", duration=np.asarray(self.time))
+        for quantity, signal in self.quantities.items():
+            columns = signal.values.T if signal.values.ndim == 2 else [signal.values]
+            labels = signal.labels or tuple(map(str, range(len(columns))))
+            for label, values in zip(labels if signal.values.ndim == 2 else ("",), columns, strict=True):
+                place = f"{quantity}/{label}" if label else quantity
+                stream.log(place, rerun.SeriesLines(names=f"{label or quantity} [{signal.unit}]"), static=True)
+                stream.send_columns(place, indexes=[times], columns=rerun.Scalars.columns(scalars=np.array(values)))
+        stream.flush()
+        stream.disconnect()
+        return Path(path)
+
+    def _channel(self, writer: Any, name: str, signal: Signal) -> int:
+        properties = {label: {"type": ["number", "null"]} for label in _labels(signal)}
+        schema = {"type": "object", "title": name, "description": f"[{signal.unit}]", "properties": properties}
+        number = writer.register_schema(
+            name=f"phcontrol.{name}", encoding="jsonschema", data=json.dumps(schema).encode()
+        )
+        channel: int = writer.register_channel(
+            topic=f"/{name}", message_encoding="json", schema_id=number, metadata={"unit": signal.unit}
+        )
+        return channel
+
+
+def _labels(signal: Signal) -> tuple[str, ...]:
+    if signal.values.ndim == 1:
+        return ("value",)
+    return signal.labels or tuple(map(str, range(signal.values.shape[1])))
+
+
+def _message(signal: Signal, k: int) -> dict[str, float | None]:
+    row = np.atleast_1d(signal.values[k]).tolist()
+    return {label: value if np.isfinite(value) else None for label, value in zip(_labels(signal), row, strict=True)}
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (str, int, float)) else json.dumps(value, default=str)
+
+
+def _load(module: str, extra: str) -> Any:
+    """Return a module. Raises PHControlError, saying how to install it."""
+    try:
+        return __import__(module)
+    except ImportError as error:
+        raise PHControlError(f"this needs {module}: pip install 'phcontrol[{extra}]'") from error
