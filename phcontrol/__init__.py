@@ -66,6 +66,7 @@ from phcontrol.exceptions import (
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.matrix_damping import MatrixDamping
+from phcontrol.mechanics.payload import Payload
 from phcontrol.mechanics.pose import Pose
 from phcontrol.mechanics.potentials import GripperSpring
 from phcontrol.mechanics.robot import Robot
@@ -250,6 +251,7 @@ __all__ = [
     "Parameter",
     "PassivePort",
     "PassivityCheck",
+    "Payload",
     "Phase",
     "PinholeCamera",
     "PointForce",

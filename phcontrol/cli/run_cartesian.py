@@ -17,10 +17,12 @@ from phcontrol.cli.options import (
     IntegratorOption,
     LockOption,
     OptionalOutOption,
+    PayloadOption,
     PeriodOption,
     PortOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SetOption,
     StepOption,
@@ -53,6 +55,8 @@ def impedance(
     control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OptionalOutOption = None,
@@ -62,7 +66,7 @@ def impedance(
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         Path("results") / controller if out is None else out,
         Showing(view, record, port),
         controller=controller,
@@ -99,6 +103,8 @@ def tracking(
     control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OptionalOutOption = None,
@@ -108,7 +114,7 @@ def tracking(
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         Path("results") / controller if out is None else out,
         Showing(view, record, port),
         controller=controller,

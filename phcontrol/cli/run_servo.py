@@ -17,9 +17,11 @@ from phcontrol.cli.options import (
     FormOption,
     LockOption,
     OutOption,
+    PayloadOption,
     PortOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SetOption,
     ViewOption,
@@ -46,6 +48,8 @@ def servo(
     ] = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/servo"),
@@ -55,7 +59,7 @@ def servo(
 ) -> None:
     """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         out,
         Showing(view, record, port),
         study=run_servo,

@@ -41,8 +41,8 @@ _ATTRIBUTES = {
     "axis": {"xyz"},
     # the last three are limits of URDF 1.2, which are not used
     "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
-    # the last four are a vendor's own, for his simulator
-    "dynamics": {"damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"},
+    # the last four are a vendor's own, for his simulator; the two before are of rotors
+    "dynamics": {"damping", "friction", "gear_ratio", "motor_inertia", "D", "K", "mu_coulomb", "mu_viscous"},
     "mimic": {"joint", "multiplier", "offset"},
 }
 _NAMES = {name for names in _CHILDREN.values() for name in names} - {"calibration", "safety_controller"}
