@@ -1,4 +1,4 @@
-"""Building a robot from its URDF."""
+"""Building a robot from its description."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, Ro
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.markup import read_markup
+from phcontrol.mechanics.mjcf import read_mjcf
 from phcontrol.mechanics.payload import Payload, check_payloads
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
@@ -44,8 +45,8 @@ def load_robot(
     """Load a fixed-base arm.
 
     Args:
-        source: a robot shipped with phcontrol ("pera"), a path to a URDF file, or a name of
-            example-robot-data ("panda", "ur5").
+        source: a robot shipped with phcontrol ("pera"), a path to a URDF file or to a MuJoCo model (MJCF, ``.xml``),
+            or a name of example-robot-data ("panda", "ur5").
         locked_joints: names of joints to hold fixed at their home angle, or angles [rad] by name.
         armature: reflected rotor inertia [kg m²] ([kg] of a prismatic joint), one for all joints, one each, or
             by joint name (others as described); part of M(q) everywhere. By default what the robot's
@@ -70,7 +71,7 @@ def load_robot(
         if not isinstance(directory, (str, os.PathLike)):
             raise InvalidArgumentError("package_directories", f"must hold paths, but one is {directory!r}")
         description.package_directories += (Path(directory),)
-    urdf = _read(description)
+    urdf = _read(description, locked_joints)
     rotors = rotors_of(urdf) if flag("rotor_inertia", rotor_inertia) else {}
     if rotor_inertia and not rotors:
         raise RobotDescriptionError(
@@ -115,11 +116,24 @@ def robot_from_record(record: Mapping[str, Any]) -> Robot:
     return robot
 
 
-def _read(description: Description) -> Urdf:
-    urdf = read_urdf(description.path, description.label, description.text)
+def _read(description: Description, locked_joints: Sequence[str] | Mapping[str, float] = ()) -> Urdf:
+    """Return what a URDF says, or an MJCF; what only the latter can say goes into the description's extras."""
+    urdf = _read_mjcf(description, locked_joints) or read_urdf(description.path, description.label, description.text)
     check_tree(urdf)
     check_bodies(urdf)
     return urdf
+
+
+def _read_mjcf(description: Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Urdf | None:
+    if description.text is not None or description.path.suffix != ".xml":
+        return None
+    root = read_markup(description.path, description.label)
+    if root.tag != "mujoco":
+        return None
+    locked = frozenset(locked_joints) if not isinstance(locked_joints, str) else frozenset()
+    found = read_mjcf(root, description.label, locked)
+    description.extras = {"armature": found.armature} | ({"home": found.home} if found.home else {})
+    return found.urdf
 
 
 def _build(
@@ -137,8 +151,9 @@ def _build(
     mimics = {name: joint.mimic for name, joint in joints.items() if joint.mimic is not None}
     home = _home(model, description, joints)
     if "home" in description.extras:
-        free = [name not in mimics for name in list(model.names)[1:]]
-        home[free] = description.extras["home"]
+        names, given = list(model.names)[1:], description.extras["home"]
+        free = [name not in mimics for name in names]
+        home[free] = [given[name] for name in names if name not in mimics] if isinstance(given, Mapping) else given
     locked = _locked_angles(description.name, locked_joints, mimics, list(model.names)[1:], home)
     if len(locked) == model.njoints - 1:
         raise InvalidArgumentError("locked_joints", "must leave at least one joint free")

@@ -166,6 +166,11 @@ def read_urdf(path: Path, label: str, text: str | None = None) -> Urdf:
 
 def canonical(urdf: Urdf) -> str:
     """Return a URDF for Pinocchio of what was understood, where every joint is one coordinate (n = nq = nv)."""
+    return as_text(urdf, continuous="revolute")
+
+
+def as_text(urdf: Urdf, continuous: str = "continuous") -> str:
+    """Return a URDF of what was understood; ``continuous`` is what continuous joints are called. No followers."""
     root = ET.Element("robot", name="robot")
     for link in urdf.links:
         element = ET.SubElement(root, "link", name=link.name)
@@ -175,7 +180,7 @@ def canonical(urdf: Urdf) -> str:
             _write(inertial, "mass", value=(link.inertial.mass,))
             _write(inertial, "inertia", **{name: (value,) for name, value in link.inertial.moments.items()})
     for joint in urdf.joints:
-        kind = "revolute" if joint.kind == "continuous" else joint.kind
+        kind = continuous if joint.kind == "continuous" else joint.kind
         element = ET.SubElement(root, "joint", name=joint.name, type=kind)
         _write(element, "origin", xyz=joint.xyz, rpy=joint.rpy)
         ET.SubElement(element, "parent", link=joint.parent)
