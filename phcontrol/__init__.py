@@ -8,6 +8,7 @@ from phcontrol.analysis.detectability import InvariantSet, invariant_set
 from phcontrol.analysis.equilibrium import Equilibrium, equilibrium
 from phcontrol.analysis.force_conditions import ForceConditions, force_control_conditions
 from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
+from phcontrol.analysis.model_comparison import ModelComparison, compare_models
 from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from phcontrol.controllers.cartesian_impedance import CartesianImpedance
@@ -239,6 +240,7 @@ __all__ = [
     "MechanicalSystem",
     "MinimumJerk",
     "MissingMeasurementError",
+    "ModelComparison",
     "Moment",
     "MomentumObserver",
     "NonFiniteTorqueError",
@@ -322,6 +324,7 @@ __all__ = [
     "check_canonical_transformation",
     "check_limits",
     "check_transformed_passivity",
+    "compare_models",
     "compile_law",
     "damping_for_gain",
     "drive",
