@@ -64,12 +64,16 @@ from phcontrol.exceptions import (
     RobotDescriptionWarning,
     UnknownNameError,
 )
+from phcontrol.identification.excitation import ExcitingTrajectory, exciting_trajectory
+from phcontrol.identification.identified import Identification
+from phcontrol.identification.identify import identify
+from phcontrol.identification.motion import Motion
 from phcontrol.mechanics.friction import DeclaredFriction, StribeckFriction
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.matrix_damping import MatrixDamping
 from phcontrol.mechanics.payload import Payload
 from phcontrol.mechanics.pose import Pose
-from phcontrol.mechanics.potentials import GripperSpring
+from phcontrol.mechanics.potentials import ConstantTorque, GripperSpring
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -123,6 +127,7 @@ from phcontrol.tanks.posture_action import PostureAction
 from phcontrol.tanks.stiffness import Stiffness
 from phcontrol.trajectories.figure_of_eight import FigureOfEight
 from phcontrol.trajectories.files import read_frame_path
+from phcontrol.trajectories.fourier_series import FourierSeries
 from phcontrol.trajectories.frame_arc import FrameArc
 from phcontrol.trajectories.frame_line import FrameLine
 from phcontrol.trajectories.frame_path import FramePath, FrameReference
@@ -175,6 +180,7 @@ __all__ = [
     "CompilationError",
     "CompilationWarning",
     "CompliantBody",
+    "ConstantTorque",
     "ControlBox",
     "ControlLoop",
     "Controller",
@@ -187,6 +193,7 @@ __all__ = [
     "Equilibrium",
     "Event",
     "EventSchedule",
+    "ExcitingTrajectory",
     "ExternalAction",
     "FeatureFlow",
     "FigureOfEight",
@@ -198,6 +205,7 @@ __all__ = [
     "ForceFeedback",
     "ForceRegulation",
     "ForceSensor",
+    "FourierSeries",
     "FrameArc",
     "FrameLine",
     "FramePath",
@@ -213,6 +221,7 @@ __all__ = [
     "HandEyeCalibration",
     "HandOver",
     "Holding",
+    "Identification",
     "ImpedanceGrasping",
     "IntegralAction",
     "InvalidArgumentError",
@@ -243,6 +252,7 @@ __all__ = [
     "ModelComparison",
     "Moment",
     "MomentumObserver",
+    "Motion",
     "NonFiniteTorqueError",
     "NonNegative",
     "NotTraceableError",
@@ -329,10 +339,12 @@ __all__ = [
     "damping_for_gain",
     "drive",
     "equilibrium",
+    "exciting_trajectory",
     "extract_features",
     "follow",
     "force_control_conditions",
     "goal_posture",
+    "identify",
     "interaction_matrix",
     "invariant_set",
     "l2_gain",

@@ -169,8 +169,8 @@ def _friction(
         for speed in _SPEEDS:
             torques = []
             for system, index in ((a, index_a), (b, index_b)):
-                x = system.at(system.robot.home, np.eye(system.n)[index[k]] * speed)
-                torques.append(float(x.friction_torque[index[k]]))
+                state = system.at(system.robot.home, np.eye(system.n)[index[k]] * speed)
+                torques.append(float(state.friction_torque[index[k]]))
             item = Difference("friction", name, torques[0], torques[1], f"N·m at {speed:g} rad/s")
             worst = max(worst, item, key=lambda difference: abs(difference.change))
         if worst.change:

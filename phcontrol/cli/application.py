@@ -15,6 +15,7 @@ from phcontrol.cli.controllers import controllers
 from phcontrol.cli.doctor import doctor
 from phcontrol.cli.errors import DEBUG, reports_errors
 from phcontrol.cli.export import export
+from phcontrol.cli.identify import identify
 from phcontrol.cli.reproduce import reproduce_command
 from phcontrol.cli.robots import robots
 from phcontrol.cli.run_cartesian import impedance, tracking
@@ -98,6 +99,7 @@ for _name, _study in STUDIES.items():
     )
 _add(app, "view", view)
 _add(app, "certify", certify)
+_add(app, "identify", identify)
 _add(app, "reproduce", reproduce_command)
 _add(app, "robots", robots)
 _add(app, "controllers", controllers)
