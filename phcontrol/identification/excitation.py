@@ -170,7 +170,8 @@ class _Search:
         moments = [unit.at(t) for t in times]
         position, velocity = (np.array([moment[i] for moment in moments]) for i in (0, 1))
         with np.errstate(divide="ignore"):
-            scale = np.minimum(self._room[0] / position.max(axis=0), self._room[1] / -position.min(axis=0))
+            ahead, behind = np.maximum(position, 0.0).max(axis=0), np.maximum(-position, 0.0).max(axis=0)
+            scale = np.minimum(self._room[0] / ahead, self._room[1] / behind)
             scale = np.minimum(scale, self.share * self.limits.velocity / np.abs(velocity).max(axis=0))
         scale = scale[:, None]
         for _ in range(20):
