@@ -11,6 +11,7 @@ from phcontrol.analysis.l2_gain import GainBound, damping_for_gain, l2_gain, mea
 from phcontrol.analysis.model_comparison import ModelComparison, compare_models
 from phcontrol.compilation.compiled_law import compile_law
 from phcontrol.compilation.errors import CompilationError, CompilationWarning, NotTraceableError
+from phcontrol.controllers.adaptive_payload import AdaptivePayload
 from phcontrol.controllers.cartesian_impedance import CartesianImpedance
 from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_force import ClassicalForceControl
@@ -163,6 +164,7 @@ __all__ = [
     "INTEGRATORS",
     "NOTHING",
     "Action",
+    "AdaptivePayload",
     "After",
     "ArmDriver",
     "Body",

@@ -95,7 +95,8 @@ def linearise(controller: Controller, system: MechanicalSystem) -> LinearLoop:
     def passive(y: Array) -> Array:
         there = seen(y, nothing)
         target = there.target()
-        output: Array = there.view.input_matrix.T @ there.view.solve_factor_transposed(target.momentum)
+        x = controller.promised_state(there.view)
+        output: Array = x.input_matrix.T @ x.solve_factor_transposed(target.momentum)
         return output
 
     slope = jacobian(gradient, here, scale, _STEP)[0] * scale
