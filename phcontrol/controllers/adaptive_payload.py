@@ -24,7 +24,7 @@ from phcontrol.sensors.measured import NOTHING, Measured
 
 _SCALES = np.array([1.0, *(0.1,) * 3, *(0.02,) * 6])  # of a usual body: [kg], [kg m], [kg m²]
 _SPEED = 10.0  # of default estimates of the mass, where its weight tells it [1/s]
-_ERROR_RATE = 2.0  # Λ of default gains [1/s]
+_ERROR_RATE = 1.0  # Λ of default gains [1/s]
 _LEAST = 1e-9  # of what a kilogramme asks for, below which it is not felt
 
 
@@ -33,6 +33,13 @@ def _frame(name: str, value: Any, system: MechanicalSystem) -> str:
     if system.model.frames[index].parentJoint == 0:
         raise InvalidArgumentError(name, f"'{value}' is fixed to the base: nothing moves it")
     return str(value)
+
+
+def _hand(system: MechanicalSystem) -> str:
+    """Return the hand's frame, or where that does not move the last one that does."""
+    model, robot = system.model, system.robot
+    moved = [name for name in robot.frame_names if model.frames[robot.frame_id(name)].parentJoint > 0]
+    return system.hand_frame if system.hand_frame in moved else moved[-1]
 
 
 def _adaptation(name: str, value: Any, system: MechanicalSystem) -> Array:
@@ -52,7 +59,7 @@ def _usual_adaptation(tuning: Tuning) -> Array:
     """Return Γ with which the weight of a mass at the hand is found at about _SPEED, other parameters in proportion."""
     system = tuning.system
     x, nothing = system.at(tuning.posture), np.zeros(system.n)
-    torques = body_torques(x, system.hand_frame, nothing, nothing) * _SCALES
+    torques = body_torques(x, _hand(system), nothing, nothing) * _SCALES
     felt = float(np.max(np.einsum("ij,ij->j", torques, np.linalg.solve(tuning.damping, torques))))
     speed: Array = np.diag(_SPEED / max(felt, _LEAST) * _SCALES**2) if felt > _LEAST else np.diag(_SCALES**2)
     return speed
@@ -105,16 +112,14 @@ class AdaptivePayload(PositionLaw):
 
     compliance: Gain = Gain("Γ_e", "rad/(N·m·s)", tuned=lambda tuning: _ERROR_RATE * np.linalg.inv(tuning.stiffness))
     adaptation: Parameter[Any, Array] = Parameter("Γ", "kg²/J", check=_adaptation, tuned=_usual_adaptation)
-    frame: Parameter[str | None, str] = Parameter(
-        default=None, check=_frame, tuned=lambda tuning: tuning.system.hand_frame
-    )
+    frame: Parameter[str | None, str] = Parameter(default=None, check=_frame, tuned=lambda tuning: _hand(tuning.system))
     actual: Parameter[Any, MechanicalSystem | None] = Parameter(default=None, check=_actual)
 
     def prepare(self) -> None:
         """Compute what the promise needs: Γ⁻¹, and the body that the true arm carries."""
         super().prepare()
         if self.frame is None:
-            self.frame = _frame("frame", self.system.hand_frame, self.system)
+            self.frame = _hand(self.system)
         self._inverse_adaptation: Array = np.array(np.linalg.inv(self.adaptation), dtype=float)
         self._plant: MechanicalSystem = self.system if self.actual is None else self.actual
 
