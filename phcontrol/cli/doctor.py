@@ -22,6 +22,8 @@ _NEEDED = ("pin", "numpy", "scipy", "proxsuite")
 _OPTIONAL = {  # module: package, extra, what for
     "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
     "pink": ("pin-pink", "kinematics", "goals for a frame: reach, follow, --reach"),
+    "xacrodoc": ("xacrodoc", "models", "robots from xacro files"),
+    "robot_descriptions": ("robot_descriptions", "models", "robots by the names of robot_descriptions"),
     "cv2": ("opencv-python-headless", "vision", "features out of images"),
 }
 

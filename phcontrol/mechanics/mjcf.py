@@ -114,7 +114,7 @@ def _moving(element: ET.Element) -> ET.Element:
 
 
 class _Limits:
-    """Limits of joints [rad, m; N·m, N]: of their range and of the forces of joint and actuators."""
+    """Limits of joints [rad, m; N·m, N], of range and of the forces of joint and actuators, and friction."""
 
     def __init__(self, root: Element, defaults: Defaults, findings: Findings) -> None:
         compiler = next((element for element in root if element.tag == "compiler"), None)
@@ -124,6 +124,7 @@ class _Limits:
         self._findings = findings
         self.lines: dict[str, int] = {}
         self.of: dict[str, Limit] = {}
+        self.friction: dict[str, tuple[float, float]] = {}
         self.bounded: dict[str, bool] = {}
         efforts = self._actuators(root, defaults)
         for joint, given in defaults.joints(root):
@@ -139,6 +140,7 @@ class _Limits:
         if self._holds(given, "actuatorfrclimited", "actuatorfrcrange"):
             effort = min(effort, *map(abs, self._pair(joint, given, "actuatorfrcrange", owner)))
         self.lines[name], self.bounded[name] = joint.line, pair is not None
+        self.friction[name] = decimal(given.get("damping", "0")) or 0.0, decimal(given.get("frictionloss", "0")) or 0.0
         self.of[name] = Limit(lower, upper, 0.0 if math.isinf(effort) else effort, 0.0)
 
     def _holds(self, given: Mapping[str, str], flag: str, what: str) -> bool:
@@ -187,8 +189,7 @@ def _translated(model: pin.Model, limits: _Limits, findings: Findings) -> tuple[
             moves = "continuous"
         if moves == "prismatic" and not limits.bounded[name]:
             findings.add(limits.lines[name], f"joint '{name}' slides without limits; give it a range")
-        index, inertia = model.joints[i].idx_v, model.inertias[i]
-        links.append(Link(bodies[i], _inertial(inertia, limits.lines[name]), limits.lines[name]))
+        links.append(Link(bodies[i], _inertial(model.inertias[i], limits.lines[name]), limits.lines[name]))
         parent = model.parents[i]
         joints.append(
             Joint(
@@ -200,8 +201,8 @@ def _translated(model: pin.Model, limits: _Limits, findings: Findings) -> tuple[
                 rpy=_triple(pin.rpy.matrixToRpy(model.jointPlacements[i].rotation)),
                 axis=_triple(model.joints[i].extract().axis) if axis is None else axis,
                 limit=limits.of[name],
-                damping=float(model.damping[index]),
-                friction=float(model.upperDryFrictionLimit[index]),
+                damping=limits.friction[name][0],
+                friction=limits.friction[name][1],
                 mimic=None,
                 line=limits.lines[name],
             )

@@ -166,7 +166,7 @@ def test_a_xacro_file_is_expanded(tmp_path):
     path = tmp_path / "arm.xacro"
     path.write_text(XACRO.format("1.5"))
     assert load_robot(path).model.inertias[1].mass == 3.0
-    path.write_text(XACRO.format("nothing"))
+    path.write_text(XACRO.format("${nothing}"))
     with pytest.raises(RobotDescriptionError, match=r"arm\.xacro: cannot be expanded"):
         load_robot(path)
 
