@@ -23,8 +23,9 @@ from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
 _SCALES = np.array([1.0, *(0.1,) * 3, *(0.02,) * 6])  # of a usual body: [kg], [kg m], [kg m²]
-_SPEED = 10.0  # of default estimates of the mass, where its weight tells it [1/s]
+_SPEED = 20.0  # of default estimates of the mass, where its weight is felt most [1/s]
 _ERROR_RATE = 1.0  # Λ of default gains [1/s]
+_POSTURES = 16  # at which the weight of a body is looked at, beside the goal and home
 _LEAST = 1e-9  # of what a kilogramme asks for, below which it is not felt
 
 
@@ -57,12 +58,15 @@ def _actual(name: str, value: Any, system: MechanicalSystem) -> MechanicalSystem
 
 def _usual_adaptation(tuning: Tuning) -> Array:
     """Return Γ with which the weight of a mass at the hand is found at about _SPEED, other parameters in proportion."""
-    system = tuning.system
-    x, nothing = system.at(tuning.posture), np.zeros(system.n)
-    torques = body_torques(x, _hand(system), nothing, nothing) * _SCALES
-    felt = float(np.max(np.einsum("ij,ij->j", torques, np.linalg.solve(tuning.damping, torques))))
-    speed: Array = np.diag(_SPEED / max(felt, _LEAST) * _SCALES**2) if felt > _LEAST else np.diag(_SCALES**2)
-    return speed
+    system, generator = tuning.system, np.random.default_rng(0)
+    robot, frame, nothing = system.robot, _hand(system), np.zeros(system.n)
+    postures = [tuning.posture, robot.home, *(robot.random_position(generator) for _ in range(_POSTURES))]
+    felt = 0.0
+    for posture in postures:  # where weight is felt most: elsewhere it is found more slowly
+        torques = body_torques(system.at(posture), frame, nothing, nothing) * _SCALES
+        felt = max(felt, float(np.max(np.einsum("ij,ij->j", torques, np.linalg.solve(tuning.damping, torques)))))
+    adaptation: Array = np.diag((_SPEED / felt if felt > _LEAST else 1.0) * _SCALES**2)
+    return adaptation
 
 
 class AdaptivePayload(PositionLaw):
