@@ -10,12 +10,14 @@ from .analysis.equilibrium import Equilibrium, equilibrium
 from .analysis.force_conditions import ForceConditions, force_control_conditions
 from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_gain
 from .analysis.linearization import Linearization, linearize
+from .analysis.model_comparison import ModelComparison, compare_models
 from .analysis.modes import Mode
 from .analysis.sampled_loop import SampledLoop
 from .compilation.compiled_law import compile_law
 from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from .compilation.loop_derivatives import LoopDerivatives
 from .compilation.loop_jacobian import LoopJacobian
+from .controllers.adaptive_payload import AdaptivePayload
 from .controllers.cartesian_impedance import CartesianImpedance
 from .controllers.cartesian_tracking import CartesianTracking
 from .controllers.classical_force import ClassicalForceControl
@@ -61,11 +63,16 @@ from .exceptions import (
     RobotDescriptionWarning,
     UnknownNameError,
 )
+from .identification.excitation import ExcitingTrajectory, exciting_trajectory
+from .identification.identified import Identification
+from .identification.identify import identify
+from .identification.motion import Motion
 from .mechanics.friction import DeclaredFriction, StribeckFriction
 from .mechanics.loading import load_robot
 from .mechanics.matrix_damping import MatrixDamping
+from .mechanics.payload import Payload
 from .mechanics.pose import Pose
-from .mechanics.potentials import GripperSpring
+from .mechanics.potentials import ConstantTorque, GripperSpring
 from .mechanics.robot import Robot
 from .mechanics.state import MechanicalState
 from .mechanics.stop_velocity import StopVelocity
@@ -131,6 +138,7 @@ from .tanks.posture_action import PostureAction
 from .tanks.stiffness import Stiffness
 from .trajectories.figure_of_eight import FigureOfEight
 from .trajectories.files import read_frame_path
+from .trajectories.fourier_series import FourierSeries
 from .trajectories.frame_arc import FrameArc
 from .trajectories.frame_line import FrameLine
 from .trajectories.frame_path import FramePath, FrameReference
@@ -168,6 +176,7 @@ __all__ = [
     "INTEGRATORS",
     "NOTHING",
     "Action",
+    "AdaptivePayload",
     "After",
     "ArmDriver",
     "ArmError",
@@ -186,6 +195,7 @@ __all__ = [
     "CompilationError",
     "CompilationWarning",
     "CompliantBody",
+    "ConstantTorque",
     "ControlBox",
     "ControlLoop",
     "Controller",
@@ -198,6 +208,7 @@ __all__ = [
     "Equilibrium",
     "Event",
     "EventSchedule",
+    "ExcitingTrajectory",
     "ExternalAction",
     "FeatureFlow",
     "FigureOfEight",
@@ -209,6 +220,7 @@ __all__ = [
     "ForceFeedback",
     "ForceRegulation",
     "ForceSensor",
+    "FourierSeries",
     "FrameArc",
     "FrameLine",
     "FramePath",
@@ -225,6 +237,7 @@ __all__ = [
     "HandEyeCalibration",
     "HandOver",
     "Holding",
+    "Identification",
     "ImpedanceGrasping",
     "IntegralAction",
     "InvalidArgumentError",
@@ -259,8 +272,10 @@ __all__ = [
     "MinimumJerk",
     "MissingMeasurementError",
     "Mode",
+    "ModelComparison",
     "Moment",
     "MomentumObserver",
+    "Motion",
     "MujocoArm",
     "NonFiniteTorqueError",
     "NonNegative",
@@ -273,6 +288,7 @@ __all__ = [
     "Parameter",
     "PassivePort",
     "PassivityCheck",
+    "Payload",
     "Phase",
     "PinholeCamera",
     "PointForce",
@@ -352,14 +368,17 @@ __all__ = [
     "check_limits",
     "check_transformed_passivity",
     "compare",
+    "compare_models",
     "compile_law",
     "damping_for_gain",
     "drive",
     "equilibrium",
+    "exciting_trajectory",
     "extract_features",
     "follow",
     "force_control_conditions",
     "goal_posture",
+    "identify",
     "interaction_matrix",
     "invariant_set",
     "l2_gain",

@@ -43,6 +43,20 @@ def test_track_on_ur5(tmp_path, monkeypatch):
     assert it["errors"][-1] < 1e-5
 
 
+def test_identify_payload(tmp_path, monkeypatch):
+    it = run("identify_payload.py", tmp_path, monkeypatch)
+    held, found, true = it["HELD"], it["found"], it["FRICTION"]
+    assert found.passed
+    assert found.payload.mass == pytest.approx(held.mass, rel=0.01)
+    np.testing.assert_allclose(found.robot.friction.coulomb, true.coulomb, rtol=0.05)
+    np.testing.assert_allclose(found.robot.friction.viscous, true.viscous, rtol=0.05)
+    np.testing.assert_allclose(found.robot.model.armature, it["ROTORS"], rtol=0.1)
+    assert it["errors"]["before"] > 5.0 * it["errors"]["after"]
+    assert it["certificate"].passed
+    assert it["mass"] == pytest.approx(it["other"].mass, rel=0.05)
+    assert max(it["hand"]) <= 1e-3
+
+
 def test_drag_goal(tmp_path, monkeypatch):
     it = run("drag_goal.py", tmp_path, monkeypatch)
     assert it["error"] < 1e-4

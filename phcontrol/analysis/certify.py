@@ -160,7 +160,7 @@ class _Examination:
             error = f"{type(problem).__name__}: {problem}{f' ({line})' if line else ''}{where}"
         return Certificate(
             controller=law.name,
-            robot=self._plant.robot.name,
+            robot=self._plant.robot.label,
             interconnection=law.interconnection,
             samples=self._samples,
             seed=self._seed,

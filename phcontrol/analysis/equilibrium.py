@@ -146,7 +146,8 @@ def _elsewhere(
         momentum = target.momentum - still.target().momentum
         part = target.parts[MOMENTUM]
         pushed = 0.1 * np.linalg.lstsq(promise.R[part, part], left[part], rcond=1e-9)[0]
-        near = seen(position, still.view.solve_factor_transposed(momentum + pushed), state)
+        x = controller.promised_state(still.view)
+        near = seen(position, x.solve_factor_transposed(momentum + pushed), state)
         growth = max(growth, grown(promise), grown(near.promise()))
     return imbalance, growth
 

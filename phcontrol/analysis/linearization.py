@@ -305,7 +305,8 @@ class _Promised:
 
         def passive(there: Array) -> Array:
             look = seen(there)
-            output: Array = look.view.input_matrix.T @ look.view.solve_factor_transposed(look.target().momentum)
+            x = law.promised_state(look.view)
+            output: Array = x.input_matrix.T @ x.solve_factor_transposed(look.target().momentum)
             return output
 
         promise = seen(y).promise()

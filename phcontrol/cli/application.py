@@ -26,6 +26,9 @@ class Commands(LazyGroup):
         "analyze": Listed(
             "phcontrol.cli.analyze:analyze", "Look at a closed loop about its rest: modes, stable periods, steps, gain."
         ),
+        "identify": Listed(
+            "phcontrol.cli.identify:identify", "Identify payload, friction and rotors of an arm from logs."
+        ),
         "view": Listed("phcontrol.cli.view:view", "Play a log in a browser: opens one, or prints the address."),
         "reproduce": Listed(
             "phcontrol.cli.reproduce:reproduce_command",

@@ -14,7 +14,14 @@ from phcontrol.analysis.certify import certify as make_certificate
 from phcontrol.cli.arm import system_of
 from phcontrol.cli.errors import say_error
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
-from phcontrol.cli.options import ArmatureOption, JsonOption, LockOption, SetOption
+from phcontrol.cli.options import (
+    ArmatureOption,
+    JsonOption,
+    LockOption,
+    PayloadOption,
+    RotorOption,
+    SetOption,
+)
 from phcontrol.cli.texts import settings_of
 from phcontrol.controllers.law_error import LawError, errors_of
 from phcontrol.controllers.registry import CONTROLLERS, Entry, all_laws, make_controller
@@ -35,6 +42,8 @@ def certify(
     seed: Annotated[int, typer.Option(help="Seed of the sequence that the states are drawn from.")] = 0,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     composed: Annotated[
         bool, typer.Option("--compositions", help="About every potential and along every reference: a table.")
@@ -51,13 +60,15 @@ def certify(
         choice("interconnection", interconnection, known)
         laws = {name: entry for name, entry in laws.items() if len(laws) == 1 or interconnection in entry.law.forms}
     if robot == "all":
-        if lock or armature is not None or settings:
-            raise InvalidArgumentError("--robot", "all takes neither --lock nor --armature nor --set")
+        if lock or armature is not None or settings or payload or rotor_inertia:
+            raise InvalidArgumentError(
+                "--robot", "all takes neither --lock, --armature, --payload, --rotor-inertia nor --set"
+            )
         if composed:
             raise InvalidArgumentError("--compositions", "takes one robot")
         _certify_every_arm(laws, interconnection, samples, seed, as_json)
         return
-    system, options = system_of(robot, lock, armature), settings_of(settings, "interconnection")
+    system, options = system_of(robot, lock, armature, payload, rotor_inertia), settings_of(settings, "interconnection")
     if composed:
         if settings or as_json:
             raise InvalidArgumentError("--compositions", "takes neither --set nor --json")

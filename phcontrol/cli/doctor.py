@@ -26,6 +26,8 @@ _OPTIONAL = {  # module: package, extra, what for
     "pylibfranka": ("pylibfranka", "franka", "Franka arms: FrankaArm"),
     "rtde_control": ("ur_rtde", "ur", "UR arms: URArm"),
     "mujoco": ("mujoco", "mujoco", "MuJoCo as a plant: MujocoArm"),
+    "xacrodoc": ("xacrodoc", "models", "robots from xacro files"),
+    "robot_descriptions": ("robot_descriptions", "models", "robots by the names of robot_descriptions"),
     "cv2": ("opencv-python-headless", "vision", "features out of images"),
 }
 

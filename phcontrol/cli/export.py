@@ -9,7 +9,15 @@ import typer
 
 from phcontrol.cli.arm import goal_of, system_of
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
-from phcontrol.cli.options import ArmatureOption, FormOption, LockOption, RobotOption, SetOption
+from phcontrol.cli.options import (
+    ArmatureOption,
+    FormOption,
+    LockOption,
+    PayloadOption,
+    RobotOption,
+    RotorOption,
+    SetOption,
+)
 from phcontrol.cli.texts import settings_of
 from phcontrol.compilation.compiled_law import need_casadi
 from phcontrol.controllers.law_error import errors_of
@@ -26,6 +34,8 @@ def export(
     interconnection: FormOption = "coriolis",
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     single: Annotated[bool, typer.Option("--float", help="Write floats in place of doubles.")] = False,
 ) -> None:
@@ -33,7 +43,7 @@ def export(
     need_casadi()
     from phcontrol.compilation.export import export_law
 
-    system, entry = system_of(robot, lock, armature), law_of(controller)
+    system, entry = system_of(robot, lock, armature, payload, rotor_inertia), law_of(controller)
     options = settings_of(settings, "interconnection", "goal")
     with errors_of(controller, entry.law):
         law = make_controller(

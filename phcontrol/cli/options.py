@@ -17,6 +17,17 @@ ArmatureOption = Annotated[
     str | None,
     typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
 ]
+PayloadOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What the arm carries: a mass [kg] at the tool frame, or 'mass=1,com=0 0 0.05,inertia=0.01 0.01 "
+        "0.01,frame=hand'. May be repeated.",
+        metavar="BODY",
+    ),
+]
+RotorOption = Annotated[
+    bool, typer.Option("--rotor-inertia", help="Add the rotors that the URDF gives (motor_inertia, gear_ratio) to M.")
+]
 StepOption = Annotated[
     float | None, typer.Option(help="Step of the integrator [s]. Default: 1 ms, or less if friction asks for it.")
 ]

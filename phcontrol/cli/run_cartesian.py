@@ -18,10 +18,12 @@ from phcontrol.cli.options import (
     JsonOption,
     LockOption,
     OptionalOutOption,
+    PayloadOption,
     PeriodOption,
     PortOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
@@ -55,6 +57,8 @@ def impedance(
     control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OptionalOutOption = None,
@@ -66,7 +70,7 @@ def impedance(
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         Path("results") / controller if out is None else out,
         Showing(view, record, port, as_json),
         controller=controller,
@@ -104,6 +108,8 @@ def tracking(
     control_period: PeriodOption = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OptionalOutOption = None,
@@ -115,7 +121,7 @@ def tracking(
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         Path("results") / controller if out is None else out,
         Showing(view, record, port, as_json),
         controller=controller,

@@ -20,11 +20,13 @@ from phcontrol.cli.options import (
     JsonOption,
     LockOption,
     OptionalOutOption,
+    PayloadOption,
     PeriodOption,
     PortOption,
     ReachOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
@@ -56,6 +58,8 @@ def position(
     ] = False,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OptionalOutOption = None,
@@ -66,7 +70,7 @@ def position(
     as_json: JsonOption = False,
 ) -> None:
     """Lead an arm from its home to a posture within its velocity limits, and certify the law that does it."""
-    system = system_of(robot, lock, armature)
+    system = system_of(robot, lock, armature, payload, rotor_inertia)
     if step:
         typer.echo("warning: --step: the goal jumps; laws that feed forces back must overshoot it", err=True)
     run_and_write(

@@ -18,9 +18,11 @@ from phcontrol.cli.options import (
     JsonOption,
     LockOption,
     OutOption,
+    PayloadOption,
     PortOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
@@ -48,6 +50,8 @@ def servo(
     ] = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/servo"),
@@ -59,7 +63,7 @@ def servo(
 ) -> None:
     """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
     run_and_write(
-        system_of(robot, lock, armature),
+        system_of(robot, lock, armature, payload, rotor_inertia),
         out,
         Showing(view, record, port, as_json),
         study=run_servo,

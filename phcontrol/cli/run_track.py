@@ -18,10 +18,12 @@ from phcontrol.cli.options import (
     JsonOption,
     LockOption,
     OutOption,
+    PayloadOption,
     PortOption,
     ReachOption,
     RecordOption,
     RobotOption,
+    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
@@ -68,6 +70,8 @@ def track(
     ] = None,
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/track"),
@@ -78,7 +82,7 @@ def track(
     as_json: JsonOption = False,
 ) -> None:
     """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
-    system = system_of(robot, lock, armature)
+    system = system_of(robot, lock, armature, payload, rotor_inertia)
     desired = goal_of(system, goal, reach, frame)
     posture = system.robot.near_home() if desired is None else desired
     knowledge = choice("external force", external_force, ("none", "measured", "observed"))

@@ -185,10 +185,14 @@ class Controller(Declared, ABC):
         The force is T(R_d∇H_d)[p̂]: of the coordinates p̂ alone depends on q̇, by Tᵀ.
         """
         target = self.target(t, x, state, measured)
-        losses = target.dissipation.dot(target.gradient)
-        output = x.input_matrix.T.dot(x.solve_factor_transposed(target.momentum))
-        resistance: Array = x.factor.dot(losses[target.parts[MOMENTUM]])
+        losses, y = target.dissipation.dot(target.gradient), self.promised_state(x)
+        output = y.input_matrix.T.dot(y.solve_factor_transposed(target.momentum))
+        resistance: Array = y.factor.dot(losses[target.parts[MOMENTUM]])
         return PassivePort(output, float(target.gradient.dot(losses)), resistance)
+
+    def promised_state(self, x: MechanicalState) -> MechanicalState:
+        """Return the state as the arm has it that the promise is about: x, but where a law is told of another arm."""
+        return x
 
     def measured_along(self, x: MechanicalState, measured: Measured, step: float) -> Measured:
         """Return what will be measured ``step`` seconds on [s], while the arm moves on and forces stay."""

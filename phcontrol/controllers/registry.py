@@ -8,6 +8,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import choice, count, text
+from phcontrol.controllers.adaptive_payload import AdaptivePayload
 from phcontrol.controllers.cartesian_impedance import CartesianImpedance
 from phcontrol.controllers.cartesian_tracking import CartesianTracking
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
@@ -67,6 +68,11 @@ CONTROLLERS: dict[str, Entry] = {
         "holds a position and cancels the measured total force in the same instant",
         "(3.55) to (3.58), errata E7",
         "q, q̇, total force",
+    ),
+    "adaptive_payload": Entry(
+        AdaptivePayload,
+        "holds a position, or follows, and finds out what the hand carries",
+        "J.-J. Slotine and W. Li, 1987; docs/theory.md: the adaptive law",
     ),
     "force_control": Entry(
         ForceControl,

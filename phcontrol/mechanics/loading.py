@@ -1,4 +1,4 @@
-"""Building a robot from its URDF."""
+"""Building a robot from its description."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, decimal, number, per_joint, sequence
+from phcontrol._validation import Array, decimal, flag, number, per_joint, sequence
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, RobotDescriptionWarning
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.markup import read_markup
+from phcontrol.mechanics.mjcf import read_mjcf
+from phcontrol.mechanics.payload import Payload, check_payloads
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
 from phcontrol.mechanics.robot import Coupling, Robot, check_joint_names
+from phcontrol.mechanics.rotors import Rotor, rotors_of
 from phcontrol.mechanics.stop_velocity import StopVelocity
 from phcontrol.mechanics.structure import check_tree
 from phcontrol.mechanics.urdf import Joint, Mimic, Urdf, canonical, read_urdf
@@ -35,17 +39,23 @@ def load_robot(
     *,
     locked_joints: Sequence[str] | Mapping[str, float] = (),
     armature: ArrayLike | Mapping[str, float] | None = None,
+    rotor_inertia: bool = False,
+    payload: Payload | Sequence[Payload] | None = None,
     package_directories: Sequence[str | os.PathLike[str]] = (),
 ) -> Robot:
     """Load a fixed-base arm.
 
     Args:
-        source: a robot shipped with phcontrol ("pera"), a path to a URDF file, or a name of
-            example-robot-data ("panda", "ur5").
+        source: a robot shipped with phcontrol ("pera"), a path to a URDF file or to a MuJoCo model (MJCF, ``.xml``),
+            or a name of example-robot-data ("panda", "ur5").
         locked_joints: names of joints to hold fixed at their home angle, or angles [rad] by name.
         armature: reflected rotor inertia [kg m²] ([kg] of a prismatic joint), one for all joints, one each, or
             by joint name (others as described); part of M(q) everywhere. By default what the robot's
             description gives.
+        rotor_inertia: whether the rotors that a URDF gives (``motor_inertia`` and ``gear_ratio`` of a joint, or those
+            of a ``<transmission>``) are part of M(q): each adds inertia · gear_ratio² to its joint's armature;
+            ``Robot.rotors`` says which. URDF programs overlook them, so that they are not used unless asked for.
+        payload: a body that the arm carries beside its description, or several: a tool, what the hand holds.
         package_directories: where ``package://`` names of meshes are looked for (visualization only).
 
     A description is read strictly: what is misspelt, missing, no number or impossible is refused, with file and line.
@@ -62,13 +72,21 @@ def load_robot(
         if not isinstance(directory, (str, os.PathLike)):
             raise InvalidArgumentError("package_directories", f"must hold paths, but one is {directory!r}")
         description.package_directories += (Path(directory),)
-    urdf = _read(description)
-    robot = _build(description, urdf, locked_joints)
+    urdf = _read(description, locked_joints)
+    rotors = rotors_of(urdf) if flag("rotor_inertia", rotor_inertia) else {}
+    if rotor_inertia and not rotors:
+        raise RobotDescriptionError(
+            f"{description.label}: gives no rotor: rotor_inertia=True needs motor_inertia and gear_ratio of its "
+            "joints. armature=... takes the reflected inertia itself"
+        )
+    robot = _build(description, urdf, locked_joints, rotors)
     if armature is None and "armature" in description.extras:
-        rotors = description.extras["armature"]
-        armature = {name: value for name, value in rotors.items() if name in robot.joint_names}
+        described = description.extras["armature"]
+        armature = {name: value for name, value in described.items() if name in robot.joint_names}
     if armature is not None:
         robot = _with_armature(robot, armature)
+    for body in check_payloads(payload):
+        robot = robot.with_payload(body)
     robot.check_inertia()
     for doubt in (*doubts(urdf), *_unlimited(robot)):
         warnings.warn(f"{description.label}: {doubt}", RobotDescriptionWarning, stacklevel=2)
@@ -90,6 +108,8 @@ def robot_from_record(record: Mapping[str, Any]) -> Robot:
         )
         robot = _build(description, _read(description), dict(record["locked_joints"]))
         names = tuple(record["joint_names"])
+        for payload in record.get("payloads", ()):
+            robot = robot.with_payload(Payload.from_record(payload))
     except (KeyError, TypeError) as error:
         raise RobotDescriptionError(f"not the record of a robot: {error!r}") from error
     if robot.joint_names != names:
@@ -97,25 +117,44 @@ def robot_from_record(record: Mapping[str, Any]) -> Robot:
     return robot
 
 
-def _read(description: Description) -> Urdf:
-    urdf = read_urdf(description.path, description.label, description.text)
+def _read(description: Description, locked_joints: Sequence[str] | Mapping[str, float] = ()) -> Urdf:
+    """Return what a URDF says, or an MJCF; what only the latter can say goes into the description's extras."""
+    urdf = _read_mjcf(description, locked_joints) or read_urdf(description.path, description.label, description.text)
     check_tree(urdf)
     check_bodies(urdf)
     return urdf
 
 
-def _build(description: Description, urdf: Urdf, locked_joints: Sequence[str] | Mapping[str, float]) -> Robot:
+def _read_mjcf(description: Description, locked_joints: Sequence[str] | Mapping[str, float]) -> Urdf | None:
+    if description.text is not None or description.path.suffix != ".xml":
+        return None
+    root = read_markup(description.path, description.label)
+    if root.tag != "mujoco":
+        return None
+    locked = frozenset(locked_joints) if not isinstance(locked_joints, str) else frozenset()
+    found = read_mjcf(root, description.label, locked)
+    description.extras = {"armature": found.armature} | ({"home": found.home} if found.home else {})
+    return found.urdf
+
+
+def _build(
+    description: Description,
+    urdf: Urdf,
+    locked_joints: Sequence[str] | Mapping[str, float],
+    rotors: Mapping[str, Rotor] = MappingProxyType({}),
+) -> Robot:
     joints = {joint.name: joint for joint in urdf.joints if joint.moves}
     try:
         model = pin.buildModelFromXML(canonical(urdf))
     except Exception as error:  # urdfdom and Pinocchio raise several kinds
         raise RobotDescriptionError(f"{description.label}: not a valid URDF: {error}") from error
-    _read_rotor_parameters(model, description)
+    _read_rotor_parameters(model, description, rotors)
     mimics = {name: joint.mimic for name, joint in joints.items() if joint.mimic is not None}
     home = _home(model, description, joints)
     if "home" in description.extras:
-        free = [name not in mimics for name in list(model.names)[1:]]
-        home[free] = description.extras["home"]
+        names, given = list(model.names)[1:], description.extras["home"]
+        free = [name not in mimics for name in names]
+        home[free] = [given[name] for name in names if name not in mimics] if isinstance(given, Mapping) else given
     locked = _locked_angles(description.name, locked_joints, mimics, list(model.names)[1:], home)
     if len(locked) == model.njoints - 1:
         raise InvalidArgumentError("locked_joints", "must leave at least one joint free")
@@ -124,16 +163,19 @@ def _build(description: Description, urdf: Urdf, locked_joints: Sequence[str] | 
         home = np.array([angles[name] for name in list(model.names)[1:]])
         model = pin.buildReducedModel(model, [model.getJointId(name) for name in locked], home)
         home = np.array([angles[name] for name in list(model.names)[1:]])
-    return _assemble(description, model, joints, home, mimics, locked, urdf.text)
+    robot = _assemble(description, model, joints, home, mimics, locked, urdf.text)
+    return replace(robot, rotors={name: rotor for name, rotor in rotors.items() if name not in locked})
 
 
-def _read_rotor_parameters(model: pin.Model, description: Description) -> None:
-    if description.semantic_path is None:
-        return
-    path = str(description.semantic_path)
-    if description.has_rotor_parameters:
-        pin.loadRotorParameters(model, path, False)
+def _read_rotor_parameters(model: pin.Model, description: Description, rotors: Mapping[str, Rotor]) -> None:
+    if description.semantic_path is not None and description.has_rotor_parameters:
+        pin.loadRotorParameters(model, str(description.semantic_path), False)
         model.armature = np.asarray(model.rotorInertia) * np.square(np.asarray(model.rotorGearRatio))
+    if rotors:
+        names, armature = list(model.names)[1:], np.array(model.armature)
+        for name, rotor in rotors.items():
+            armature[names.index(name)] = rotor.armature
+        model.armature = armature
 
 
 def _home(model: pin.Model, description: Description, joints: Mapping[str, Joint]) -> Array:

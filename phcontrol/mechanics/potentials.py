@@ -6,8 +6,9 @@ import math
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, positive
+from phcontrol._validation import Array, finite_array, number, positive
 
 
 class Potential(Protocol):
@@ -110,3 +111,26 @@ class OnJoint:
         own: Any = self.potential
         stiffness[self.index] = own.tangent_stiffness(position[self.index : self.index + 1])[0]
         return stiffness
+
+
+class ConstantTorque:
+    """A torque that joints carry wherever they are, an offset: V(q) = τᵀq, ∂V/∂q = τ.
+
+    Args:
+        torque: τ, shape (n,) [N·m].
+
+    >>> import numpy as np
+    >>> ConstantTorque([1.0, -2.0]).gradient(np.zeros(2))
+    array([ 1., -2.])
+    """
+
+    def __init__(self, torque: ArrayLike) -> None:
+        self.torque = finite_array("torque", torque)
+
+    def energy(self, position: Array) -> float:
+        """Return τᵀq [J]."""
+        return float(self.torque.dot(position))
+
+    def gradient(self, position: Array) -> Array:
+        """Return τ, shape (n,) [N·m]."""
+        return self.torque

@@ -14,8 +14,10 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, text, vector
 from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, UnknownNameError
 from phcontrol.mechanics.friction import Friction
+from phcontrol.mechanics.payload import Payload
 from phcontrol.mechanics.pose import check_pose
 from phcontrol.mechanics.potentials import Potential
+from phcontrol.mechanics.rotors import Rotor
 from phcontrol.mechanics.stop_velocity import StopVelocity
 
 REFERENCES = {
@@ -68,6 +70,10 @@ class Robot:
     path: Path | None = None
     package_directories: tuple[Path, ...] = ()
     locked_joints: dict[str, float] = field(default_factory=dict)
+    payloads: tuple[Payload, ...] = ()
+    """What the arm carries beside its description; its inertia is in ``model``."""
+    rotors: dict[str, Rotor] = field(default_factory=dict)
+    """Rotors taken from the URDF by joint (``load_robot(rotor_inertia=True)``); their armature is in ``model``."""
 
     @property
     def n(self) -> int:
@@ -76,6 +82,11 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joints>"
+
+    @property
+    def label(self) -> str:
+        """The arm's name, with what it carries."""
+        return self.name + (f" with {', '.join(map(str, self.payloads))}" if self.payloads else "")
 
     def record(self) -> dict[str, Any]:
         """Return, for JSON, what ``robot_from_record`` makes this arm's kinematics of again."""
@@ -87,6 +98,7 @@ class Robot:
             "package_directories": [str(directory) for directory in self.package_directories],
             "tool_frame": self.tool_frame,
             "camera_frame": self.camera_frame,
+            "payloads": [payload.record() for payload in self.payloads],
         }
 
     def joint_index(self, name: str) -> int:
@@ -124,6 +136,29 @@ class Robot:
         place = beside.placement * pin.SE3(np.array(pose.rotation), np.array(pose.translation))
         model.addFrame(pin.Frame(name, beside.parentJoint, index, place, pin.FrameType.OP_FRAME))
         return replace(self, model=model)
+
+    def with_payload(self, payload: Payload) -> Robot:
+        """Return the robot with another body fixed to one of its frames.
+
+        Raises InvalidArgumentError when no frame is given and the robot has no tool frame, or when the frame does
+        not move; UnknownNameError when there is no such frame.
+        """
+        if not isinstance(payload, Payload):
+            raise InvalidArgumentError("payload", f"must be a Payload, but is {payload!r}")
+        name = payload.frame or self.tool_frame
+        if name is None:
+            raise InvalidArgumentError(
+                "payload.frame", f"must be given, for {self.name} names no tool frame: {', '.join(self.frame_names)}"
+            )
+        frame = self.model.frames[self.frame_id(name)]
+        if frame.parentJoint == 0:
+            raise InvalidArgumentError(
+                "payload.frame", f"'{name}' is fixed to the base of {self.name}: nothing moves it"
+            )
+        model = pin.Model(self.model)
+        model.appendBodyToJoint(frame.parentJoint, payload.spatial, frame.placement)
+        placed = Payload(payload.mass, payload.com, payload.inertia, name)
+        return replace(self, model=model, payloads=(*self.payloads, placed))
 
     def position(self, joints: dict[str, float] | ArrayLike, name: str = "position") -> Array:
         """Return a position vector from an array, or from angles by joint name (others at home).

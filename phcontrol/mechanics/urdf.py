@@ -43,8 +43,8 @@ _ATTRIBUTES = {
     # the last three are limits of URDF 1.2, which are not used
     "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
     "position_based_velocity_limits": {"velocity_offset", "deceleration_limit"},
-    # the last six are a vendor's own, for his simulator
-    "dynamics": {"damping", "friction", "D", "K", "mu_coulomb", "mu_viscous", "motor_inertia", "gear_ratio"},
+    # the last four are a vendor's own, for his simulator; the two before are of rotors
+    "dynamics": {"damping", "friction", "gear_ratio", "motor_inertia", "D", "K", "mu_coulomb", "mu_viscous"},
     "mimic": {"joint", "multiplier", "offset"},
 }
 _NAMES = {name for names in _CHILDREN.values() for name in names} - {"calibration", "safety_controller"}
@@ -177,6 +177,11 @@ def read_urdf(path: Path, label: str, text: str | None = None) -> Urdf:
 
 def canonical(urdf: Urdf) -> str:
     """Return a URDF for Pinocchio of what was understood, where every joint is one coordinate (n = nq = nv)."""
+    return as_text(urdf, continuous="revolute")
+
+
+def as_text(urdf: Urdf, continuous: str = "continuous") -> str:
+    """Return a URDF of what was understood; ``continuous`` is what continuous joints are called. No followers."""
     root = ET.Element("robot", name="robot")
     for link in urdf.links:
         element = ET.SubElement(root, "link", name=link.name)
@@ -186,7 +191,7 @@ def canonical(urdf: Urdf) -> str:
             _write(inertial, "mass", value=(link.inertial.mass,))
             _write(inertial, "inertia", **{name: (value,) for name, value in link.inertial.moments.items()})
     for joint in urdf.joints:
-        kind = "revolute" if joint.kind == "continuous" else joint.kind
+        kind = continuous if joint.kind == "continuous" else joint.kind
         element = ET.SubElement(root, "joint", name=joint.name, type=kind)
         _write(element, "origin", xyz=joint.xyz, rpy=joint.rpy)
         ET.SubElement(element, "parent", link=joint.parent)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.loading import robot_from_record
-from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
+from phcontrol.mechanics.potentials import ConstantTorque, GripperSpring, OnJoint, Potential
 from phcontrol.mechanics.system import MechanicalSystem
 
 _FRICTION = ("viscous", "coulomb", "static", "stribeck_velocity", "smoothing")
@@ -32,6 +32,7 @@ def plant_record(system: MechanicalSystem) -> dict[str, Any]:
         "input_matrix": None if system.constant_input is None else system.constant_input.tolist(),
         "friction": None,
         "springs": [],
+        "constant_torques": [],
         "unknown": [],
     }
     if type(friction) is StribeckFriction:
@@ -44,6 +45,8 @@ def plant_record(system: MechanicalSystem) -> dict[str, Any]:
         spring, joint = (potential.potential, potential.index) if type(potential) is OnJoint else (potential, None)
         if type(spring) is GripperSpring:
             record["springs"].append({name: getattr(spring, name) for name in _SPRING} | {"joint": joint})
+        elif type(spring) is ConstantTorque:
+            record["constant_torques"].append(spring.torque.tolist())
         else:
             record["unknown"].append(type(spring).__name__)
     return record
@@ -89,5 +92,6 @@ def _build(robot_record: Mapping[str, Any], record: Mapping[str, Any]) -> Mechan
     for entry in record["springs"]:
         spring = GripperSpring(**{name: entry[name] for name in _SPRING})
         potentials.append(spring if entry["joint"] is None else OnJoint(spring, int(entry["joint"])))
+    potentials += [ConstantTorque(torque) for torque in record.get("constant_torques", ())]
     robot = replace(robot, model=model, friction=friction, potentials=tuple(potentials))
     return MechanicalSystem(robot, gravity=record["gravity"], input_matrix=record["input_matrix"])

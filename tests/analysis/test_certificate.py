@@ -46,7 +46,7 @@ def test_every_law_is_what_it_claims_with_gears_and_coupled_gains(law, form):
     assert certificate.passed, str(certificate)
 
 
-NO_GAINS = ("goal", "trajectory", "posture_gain", "path", "preferred_posture")
+NO_GAINS = ("goal", "trajectory", "posture_gain", "path", "preferred_posture", "frame")
 SCALARS = (Flag, NonNegative, Positive, PositiveVector)  # what is no matrix
 
 
@@ -54,7 +54,7 @@ def coupled_gains(law, rng, system):
     known = CONTROLLERS[law].law.default_gains(system, np.ones(system.n), given=CONTROLLERS[law].options)
     gains, parameters = {}, CONTROLLERS[law].law.parameters
     for name in known:
-        n = 3 if name.endswith("ional_stiffness") else system.n
+        n = {"adaptation": 10}.get(name, 3 if name.endswith("ional_stiffness") else system.n)
         root = rng.normal(size=(n, n))
         if name == "coupling":
             gains[name] = root + 3.0 * np.eye(n)

@@ -84,7 +84,7 @@ def test_every_law_of_chapters_3_and_4_composes():
     assert {law for law, of in springs.items() if of == set(POTENTIALS)} == laws - {"impedance_grasping"}
     for law in laws:
         assert {c.reference for c in found if c.law == law} >= {AT_REST, "minimum jerk", "sinusoid"}
-    assert len({(c.law, c.potential, c.reference) for c in found}) == len(found) == 91
+    assert len({(c.law, c.potential, c.reference) for c in found}) == len(found) == 102
 
 
 # --- formulas written anew, from Pinocchio alone --------------------------------------------------------------

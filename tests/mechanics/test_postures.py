@@ -144,9 +144,9 @@ def test_what_looks_like_a_path_is_one(source, tmp_path, monkeypatch):
 
 
 def test_what_is_no_path_is_a_name():
-    with pytest.raises(RobotDescriptionError, match="must be expanded to URDF first"):
-        catalogue.find("arm.xacro")
-    with pytest.raises(UnknownNameError, match=r"unknown robot 'pear'; a path to a URDF file works too\. Did you mean"):
+    with pytest.raises(
+        UnknownNameError, match=r"unknown robot 'pear'; a path to a URDF, xacro or MJCF file works too\. Did you mean"
+    ):
         catalogue.find("pear")
     floating = next(name for name, free in catalogue.example_robots().items() if free)
     with pytest.raises(RobotDescriptionError, match="has a floating base"):

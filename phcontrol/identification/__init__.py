@@ -1,0 +1,1 @@
+"""What of an arm's model can be told from how it moves, and motions that tell it."""

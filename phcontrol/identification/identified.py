@@ -1,0 +1,125 @@
+"""What was identified: values with their uncertainty, how well they predict, and the arm that has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phcontrol._validation import Array, choice
+from phcontrol.mechanics.payload import Payload
+from phcontrol.mechanics.robot import Robot
+
+WORSE = 2.0
+"""Times that of the fit, beyond which an error of prediction on data kept back is doubted."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Torques, averaged over windows: measured, by the model as it was, and by the identified one."""
+
+    time: Array
+    """Middles of the windows [s], shape (windows,); logs one after another."""
+    measured: Array
+    """Shape (windows, n) [N·m]."""
+    before: Array
+    """By the model as it was."""
+    after: Array
+    """By the identified one."""
+    kept_back: NDArray[np.bool_]
+    """Whether a window was kept back from the fit, shape (windows,)."""
+
+    def error(self, which: str, *, kept_back: bool) -> Array:
+        """Return the root mean square of "before" or "after" less measured, a joint each, shape (n,) [N·m]."""
+        choice("prediction", which, ("before", "after"))
+        predicted = self.before if which == "before" else self.after
+        rows = self.kept_back if kept_back else ~self.kept_back
+        error: Array = np.sqrt(np.mean((predicted[rows] - self.measured[rows]) ** 2, axis=0))
+        return error
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of :func:`identify`. ``robot`` goes wherever an arm does; ``str()`` is a report."""
+
+    robot: Robot
+    """The arm with what was identified: payload, friction, rotors and offsets."""
+    names: tuple[str, ...]
+    """Of the parameters."""
+    units: tuple[str, ...]
+    values: Array
+    """Of the parameters, those that bodies and joints can have."""
+    deviations: Array
+    """Standard deviations of the least-squares estimate."""
+    covariance: Array
+    """Of the estimate, shape (parameters, parameters)."""
+    untold: tuple[str, ...]
+    """Parameters that the data do not tell: their values are those of the model."""
+    corrected: tuple[str, ...]
+    """What least squares alone made impossible, so that the nearest possible values were taken."""
+    payload: Payload | None
+    """The body at its frame; None when it was not asked for."""
+    prediction: Prediction
+
+    def __getitem__(self, name: str) -> float:
+        """Return a parameter's value by its name. Raises UnknownNameError, listing them."""
+        return float(self.values[self.names.index(choice("parameter", name, self.names))])
+
+    def deviation(self, name: str) -> float:
+        """Return a parameter's standard deviation by its name."""
+        return float(self.deviations[self.names.index(choice("parameter", name, self.names))])
+
+    @property
+    def passed(self) -> bool:
+        """Whether on data kept back the model predicts better than before, and no more than twice worse than fitted."""
+        fitted, kept, before = (
+            float(np.linalg.norm(self.prediction.error(which, kept_back=back)))
+            for which, back in (("after", False), ("after", True), ("before", True))
+        )
+        return kept <= before and kept <= WORSE * fitted + 1e-3 * before
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return values, deviations and errors of prediction, for JSON."""
+        prediction = self.prediction
+        return {
+            "robot": self.robot.label,
+            "parameters": {
+                name: {
+                    "value": float(value),
+                    "deviation": float(deviation),
+                    "unit": unit,
+                    "told": name not in self.untold,
+                }
+                for name, value, deviation, unit in zip(
+                    self.names, self.values, self.deviations, self.units, strict=True
+                )
+            },
+            "payload": None if self.payload is None else self.payload.record(),
+            "corrected": list(self.corrected),
+            "error_before": prediction.error("before", kept_back=True).tolist(),
+            "error_after": prediction.error("after", kept_back=True).tolist(),
+            "error_fitted": prediction.error("after", kept_back=False).tolist(),
+            "passed": self.passed,
+        }
+
+    def __str__(self) -> str:
+        kept = int(self.prediction.kept_back.sum())
+        lines = [
+            f"identified {len(self.names) - len(self.untold)} parameters of {self.robot.name} from "
+            f"{len(self.prediction.time) - kept} windows, {kept} kept back: "
+            + ("confirmed by these" if self.passed else "NOT confirmed by these")
+        ]
+        if self.payload is not None:
+            com = ", ".join(f"{x:.4g}" for x in self.payload.com)
+            lines.append(f"  payload: {self.payload}, centre of mass at ({com}) m")
+        for name, value, deviation, unit in zip(self.names, self.values, self.deviations, self.units, strict=True):
+            note = "  not told by the data" if name in self.untold else ""
+            lines.append(f"  {name:<34}{value:>11.5f} ± {deviation:.1e} {unit}{note}")
+        lines += [f"  made possible: {name}" for name in self.corrected]
+        lines.append("  error of predicted torque on data kept back, before and after [N·m]:")
+        errors = (self.prediction.error(which, kept_back=True) for which in ("before", "after"))
+        for name, before, after in zip(self.robot.joint_names, *errors, strict=True):
+            lines.append(f"    {name:<32}{before:>11.4f}{after:>11.4f}")
+        return "\n".join(lines)

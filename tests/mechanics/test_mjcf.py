@@ -1,0 +1,201 @@
+"""MuJoCo's models: as MuJoCo itself has them, and refused where something would be dropped."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from phcontrol import (
+    Log,
+    MechanicalSystem,
+    Payload,
+    RobotDescriptionError,
+    certify,
+    load_robot,
+    make_controller,
+    simulate,
+)
+from phcontrol.mechanics.loading import robot_from_record
+from tests.mechanics import mjcf_reference as reference
+
+pytestmark = pytest.mark.filterwarnings("ignore::phcontrol.RobotDescriptionWarning")
+
+
+def load(name, tmp_path):
+    path = tmp_path / f"{name}.xml"
+    path.write_text(reference.text_of(name))
+    return load_robot(path, locked_joints=reference.LOCKED[name])
+
+
+def check(robot, expected):
+    system = MechanicalSystem(robot)
+    order = [expected["joints"].index(name) for name in robot.joint_names]
+    assert len(order) == len(expected["joints"])
+    for what, values in (
+        ("dof_damping", robot.friction.viscous),
+        ("dof_frictionloss", robot.friction.coulomb),
+        ("dof_armature", robot.model.armature),
+    ):
+        np.testing.assert_array_equal(values, np.array(expected[what])[order])
+    for q, v, mass_matrix, bias in expected["states"]:
+        x = system.at(np.array(q)[order], np.array(v)[order])
+        np.testing.assert_allclose(x.mass_matrix, np.array(mass_matrix)[np.ix_(order, order)], rtol=0, atol=1e-10)
+        ours = x.coriolis_matrix @ x.velocity + x.potential_gradient
+        np.testing.assert_allclose(ours, np.array(bias)[order], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", reference.LOCKED)
+def test_mass_matrix_and_bias_are_those_that_mujoco_gave(name, tmp_path):
+    """Numbers of ``python -m tests.mechanics.mjcf_reference``."""
+    expected = json.loads((reference.FOLDER / "mjcf_reference.json").read_text())[name]
+    check(load(name, tmp_path), expected)
+
+
+@pytest.mark.parametrize("name", reference.LOCKED)
+def test_mass_matrix_and_bias_are_those_of_mujoco(name, tmp_path):
+    pytest.importorskip("mujoco")
+    check(load(name, tmp_path), reference.computed(name))
+
+
+def test_limits_frames_and_home(tmp_path):
+    arm, fr3 = load("arm", tmp_path), load("fr3", tmp_path)
+    order = [("waist", "shoulder", "lift").index(name) for name in arm.joint_names]
+    np.testing.assert_allclose(arm.lower, np.array([-np.pi / 2, -np.inf, -0.1])[order])
+    np.testing.assert_allclose(arm.upper, np.array([np.pi / 1.5, np.inf, 0.2])[order])
+    # of two unequal bounds the smaller; of a motor the torque at the joint, whichever of its ranges is the narrower
+    np.testing.assert_array_equal(arm.effort_limit, np.array([20.0, 10.0, np.inf])[order])
+    assert list(arm.continuous) == [name == "shoulder" for name in arm.joint_names]
+    assert {"stand", "turret", "upper", "tip", "slider", "plate"} <= set(arm.frame_names)
+    np.testing.assert_allclose(fr3.home, [0, 0, 0, -1.57079, 0, 1.57079, -0.7853])
+    tip = fr3.placement("tcp", fr3.home).translation - fr3.placement("hand", fr3.home).translation
+    assert np.linalg.norm(tip) == pytest.approx(0.1034)
+
+
+def test_an_arm_of_an_mjcf_is_one_like_any_other(tmp_path):
+    path = tmp_path / "fr3.xml"
+    path.write_text(reference.text_of("fr3"))
+    robot = load_robot(path, locked_joints=("finger_joint1", "finger_joint2"), payload=Payload(0.5, frame="tcp"))
+    system = MechanicalSystem(robot)
+    law = make_controller("energy_shaping", system)
+    assert certify(law, samples=8).passed
+    log = simulate(system, law, q0=robot.near_home(), duration=0.02, progress=False)
+    read = Log.load(log.save(tmp_path / "log.npz"))
+    np.testing.assert_allclose(read.power_balance("plant").rate, log.power_balance("plant").rate, atol=1e-6)
+    drawn = robot_from_record(read.metadata["robot_record"])
+    q = robot.random_position(np.random.default_rng(0))
+    assert drawn.placement("tcp", q).isApprox(robot.placement("tcp", q), 1e-12)
+
+
+CHANGES = [
+    ("<worldbody>", "<include file='x.xml'/><worldbody>", "line 7: <include>: is not followed"),
+    ("<worldbody>", "<extension/><worldbody>", "<extension>: plugins are not run"),
+    ('angle="degree"', 'angle="degree" settotalmass="3"', "<compiler settotalmass='3'> would be overlooked"),
+    ('angle="degree"', 'angle="degree" inertiafromgeom="true"', "<compiler inertiafromgeom='true'>"),
+    ("<worldbody>", '<option gravity="0 0 -1"/><worldbody>', r"take it out, and give MechanicalSystem\(..., gravity"),
+    ("<worldbody>", '<option density="1.2"/><worldbody>', "no medium drags here"),
+    ("<worldbody>", '<option><flag gravity="disable"/></option><worldbody>', "<flag gravity='disable'>"),
+    ('<body name="stand"', '<body gravcomp="1" name="stand"', "body 'stand': gravcomp='1' would be overlooked"),
+    ('<body name="stand"', '<body mocap="true" name="stand"', "body 'stand' is moved by mocap data"),
+    ('<body name="stand"', "<body ", "a <body> has no name"),
+    ('<joint name="lift" type="slide"', '<joint name="lift" type="ball"', "joint 'lift' is a ball joint"),
+    ('<joint name="lift" type="slide"', '<joint name="lift" type="screw"', "has the unknown type 'screw'"),
+    ('<joint name="lift" type="slide" axis="0 0 1" range="-0.1 0.2"/>', "<freejoint/>", "'slider' is free to float"),
+    ('<joint name="lift"', '<joint stiffness="3" name="lift"', "joint 'lift': stiffness='3' would be dropped"),
+    ('damping="0.7"/>', 'damping="0.7" springdamper="1 1"/>', "joint 'shoulder': springdamper='1 1' would be dropped"),
+    ('<joint name="lift"', '<joint damp="3" name="lift"', "joint 'lift' has no attribute 'damp'; it may have"),
+    ('damping="0.7"', 'damping="-0.7"', "joint 'shoulder': damping='-0.7' must be one number >= 0"),
+    ('range="-0.1 0.2"', "", "joint 'lift' slides without limits"),
+    ('range="-90 120"', 'range="120 -90"', "joint 'waist': range='120 -90' must be two numbers, the lower first"),
+    ('<joint name="lift"', '<joint name="lift2" axis="1 0 0"/><joint name="lift"', "body 'slider' has 2 joints"),
+    ('<geom type="capsule"', '<geom type="mesh"', "body 'turret' has its mass from a mesh; give it an <inertial>"),
+    ('<geom type="capsule"', '<geom shellinertia="true" type="capsule"', "'turret' has its mass from a shell"),
+    ('<site name="tip"', '<frame/><site name="tip"', "body 'upper' holds <frame>, which is not followed"),
+    ('childclass="upper"', 'childclass="uper"', "unknown class 'uper'"),
+    (
+        "</mujoco>",
+        '<tendon><fixed name="cable"><joint joint="waist" coef="1"/></fixed></tendon></mujoco>',
+        r"tendon <fixed> 'cable' of waist would be dropped; lock them \(locked_joints=\['waist'\]\), or take it out",
+    ),
+    (
+        "</mujoco>",
+        '<equality><joint joint1="waist" joint2="shoulder"/></equality></mujoco>',
+        "constraint <joint> of waist, shoulder would be dropped",
+    ),
+    ("</mujoco>", '<equality><weld body1="plate"/></equality></mujoco>', "constraint <weld> would be dropped"),
+    ("</mujoco>", '<keyframe><key name="home" qpos="0 1"/></keyframe></mujoco>', "'home' must have 3 numbers"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), CHANGES, ids=range(len(CHANGES)))
+def test_what_would_be_dropped_is_refused(old, new, said, tmp_path):
+    assert old in reference.ARM
+    path = tmp_path / "arm.xml"
+    path.write_text(reference.ARM.replace(old, new, 1))
+    with pytest.raises(RobotDescriptionError, match=said):
+        load_robot(path)
+
+
+def test_what_a_mjcf_says_without_effect_passes(tmp_path):
+    path = tmp_path / "arm.xml"
+    text = reference.ARM.replace("</mujoco>", '<equality><joint joint1="waist" active="false"/></equality></mujoco>')
+    path.write_text(text.replace('angle="degree"', 'angle="degree" boundmass="0.0"'))
+    load_robot(path)
+
+
+def test_constraints_of_locked_joints_do_nothing(tmp_path):
+    """The fingers of an FR3 are held together; locked, nothing is lost."""
+    path = tmp_path / "fr3.xml"
+    path.write_text(reference.text_of("fr3"))
+    assert load_robot(path, locked_joints=["finger_joint1", "finger_joint2"]).n == 7
+    with pytest.raises(RobotDescriptionError, match="constraint <joint> of finger_joint1, finger_joint2 would be"):
+        load_robot(path)
+
+
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m" value="{}"/>
+<link name="a"/><link name="b"><inertial><mass value="${{m*2}}"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_a_xacro_file_is_expanded(tmp_path):
+    pytest.importorskip("xacrodoc")
+    path = tmp_path / "arm.xacro"
+    path.write_text(XACRO.format("1.5"))
+    assert load_robot(path).model.inertias[1].mass == 3.0
+    path.write_text(XACRO.format("${nothing}"))
+    with pytest.raises(RobotDescriptionError, match=r"arm\.xacro: cannot be expanded"):
+        load_robot(path)
+
+
+def test_what_is_not_installed_is_said(tmp_path, monkeypatch):
+    for name in ("xacrodoc", "robot_descriptions", "franky_sim"):
+        monkeypatch.setitem(sys.modules, name, None)
+    path = tmp_path / "arm.xacro"
+    path.write_text("<robot/>")
+    with pytest.raises(RobotDescriptionError, match=r"needs xacrodoc \(pip install 'phcontrol\[models\]'\)"):
+        load_robot(path)
+    with pytest.raises(RobotDescriptionError, match="needs robot_descriptions"):
+        load_robot("robot_descriptions:iiwa14_description")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(RobotDescriptionError, match="fr3: comes with franky_sim: pip install franky-sim"):
+        load_robot("fr3")
+
+
+def test_names_of_robot_descriptions(tmp_path, monkeypatch):
+    """Nothing is fetched: the package is a stand-in with the attributes that its modules have."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(XACRO.format(1).replace("${m*2}", "2").replace('<xacro:property name="m" value="1"/>', ""))
+    package = tmp_path / "robot_descriptions"
+    package.mkdir()
+    (package / "__init__.py").write_text("DESCRIPTIONS = {'arm_description': None}\n")
+    (package / "arm_description.py").write_text(f"URDF_PATH = {str(path)!r}\nPACKAGE_PATH = {str(tmp_path)!r}\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert load_robot("robot_descriptions:arm_description").n == 1
+    with pytest.raises(LookupError, match="Did you mean 'arm_description'"):
+        load_robot("robot_descriptions:arm_descriptio")
