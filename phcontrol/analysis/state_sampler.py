@@ -233,11 +233,11 @@ class StateSampler:
     def _at_limits(self, anywhere: Array, size: float, aside: Array, across: Array) -> Array:
         """Return positions with about half the joints on a limit, or close to it on either side."""
         robot = self._plant.robot
-        if size > _TOGETHER:  # all of them, on the same side
-            low, high = _range(robot)
-            return high if aside[0] < 0.5 else low
+        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        if size > _TOGETHER:  # all that have one, on the same side
+            return np.where(limited, robot.upper if aside[0] < 0.5 else robot.lower, anywhere)
         share = 0.15 + 0.7 * size
-        moved = (aside < share) & np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        moved = (aside < share) & limited
         # within a joint's own draw: which limit, which side of it, how far
         upper, rest = aside * (2.0 / share) % 2.0 >= 1.0, across * 3.0
         side, far = np.floor(rest) - 1.0, CLOSEST ** (1.0 - rest % 1.0)
