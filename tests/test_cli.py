@@ -28,7 +28,8 @@ from phcontrol.cli.application import Commands
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from tests.conftest import make_system
 
-QUICK = ["--robot", "pera_shoulder", "--duration", "0.2", "--samples", "3"]
+BRIEF = ["--robot", "pera_shoulder", "--samples", "3"]
+QUICK = [*BRIEF, "--duration", "0.2"]
 
 
 def run(*arguments: str):
@@ -474,8 +475,8 @@ def test_listings(command):
             ["certify", "--controller", "tracking", "--set", "interconnection=1"],
             "error: --set: 'interconnection' has an",
         ),
-        (["run", "position", *QUICK, "--duration", "1e300"], "error: duration: and dt ask for more samples"),
-        (["run", "position", *QUICK, "--dt", "1e-300", "--duration", "1e300"], "error: duration: and dt ask for more"),
+        (["run", "position", *BRIEF, "--duration", "1e300"], "error: duration: and dt ask for more samples"),
+        (["run", "position", *BRIEF, "--dt", "1e-300", "--duration", "1e300"], "error: duration: and dt ask for more"),
         (["run", "position", *QUICK, "--control-period", "nan"], "error: control_period: must be finite"),
         (["run", "position", *QUICK, "--control-period", "0"], "error: control_period: must be > 0"),
         (["run", "position", *QUICK, "--frame", "tool"], "error: --frame: is the frame of --reach"),

@@ -39,7 +39,7 @@ def certify(
     ] = "pera",
     interconnection: Annotated[str, typer.Option(help=f"{', '.join(ALL_FORMS)} or all.")] = "all",
     samples: Annotated[int, typer.Option(help="Number of states that are looked at.")] = SAMPLES,
-    seed: Annotated[int, typer.Option(help="Seed of the sequence that the states are drawn from.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sequence that the states are drawn from.")] = 0,
     lock: LockOption = None,
     armature: ArmatureOption = None,
     payload: PayloadOption = None,

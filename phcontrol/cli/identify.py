@@ -11,6 +11,7 @@ from phcontrol._files import write_json
 from phcontrol.cli.arm import system_of
 from phcontrol.cli.options import ArmatureOption, LockOption, PayloadOption, RotorOption
 from phcontrol.cli.showing import check_writable
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.identification.identify import UNTOLD
 from phcontrol.identification.identify import identify as identify_parameters
 from phcontrol.identification.parameters import GROUPS
@@ -44,6 +45,10 @@ def identify(
     """
     check_writable(out)
     read = [Log.load(path) for path in logs]
+    given = {"--lock": lock, "--armature": armature, "--payload": payload, "--rotor-inertia": rotor_inertia or None}
+    for option, value in given.items():
+        if robot is None and value is not None:
+            raise InvalidArgumentError(option, "is of the model that --robot names, which is not given")
     model = None if robot is None else system_of(robot, lock, armature, payload, rotor_inertia)
     found = identify_parameters(
         read,

@@ -26,6 +26,7 @@ from phcontrol.compilation.symbol import (
     symbols,
 )
 from phcontrol.mechanics import kernels
+from phcontrol.mechanics._lapack import FREE
 
 
 def _array(values: Any, dtype: Any = None, **options: Any) -> Any:
@@ -244,6 +245,13 @@ class _Float(metaclass=_FloatLike):
     dtype = np.dtype(np.float64)  # what NumPy takes it for
 
 
+def _damping_root(stiffness_root: Any, mobility: Any, ratio: float) -> Any:
+    """Return X = (2ζ)^½ L U S^(−¼), with LᵀBL = U S Uᵀ."""
+    squares, modes, _ = eigenvalues.dsyev(stiffness_root.T.dot(mobility).dot(stiffness_root))
+    scale = _MATH["sqrt"](2.0 * ratio) / _NUMPY["maximum"](squares, FREE * squares[-1]) ** 0.25
+    return stiffness_root.dot(modes) * scale
+
+
 def _kernels() -> dict[str, Any]:
     names = ("factor", "solve", "solve_transposed", "relative_factor_rate", "transformed_rate", "momentum_derivative",
              "feedback")  # fmt: skip
@@ -251,7 +259,7 @@ def _kernels() -> dict[str, Any]:
     plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
     return found | {
         "finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size),
-        "damping_root": _refusing(kernels, "damping_root"),
+        "damping_root": _either(kernels.damping_root, _damping_root),
     }
 
 

@@ -180,13 +180,14 @@ class Controller(Declared, ABC):
         return self.target(t, x, state, measured).coordinates
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:
-        """Return ŷ = GᵀT⁻ᵀp̂, the power ∇H_dᵀR_d∇H_d that the promised closed loop dissipates, and the force for it.
+        """Return ŷ = GᵀT⁻ᵀ∂H_d/∂p̂, the power ∇H_dᵀR_d∇H_d that the promise dissipates, and the force for it.
 
-        The force is T(R_d∇H_d)[p̂]: of the coordinates p̂ alone depends on q̇, by Tᵀ.
+        A torque δ more than the law's brings in ŷᵀδ. The force is T(R_d∇H_d)[p̂]: of the coordinates p̂ alone depends on
+        q̇, by Tᵀ.
         """
         target = self.target(t, x, state, measured)
         losses, y = target.dissipation.dot(target.gradient), self.promised_state(x)
-        output = y.input_matrix.T.dot(y.solve_factor_transposed(target.momentum))
+        output = y.input_matrix.T.dot(y.solve_factor_transposed(target.gradient[target.parts[MOMENTUM]]))
         resistance: Array = y.factor.dot(losses[target.parts[MOMENTUM]])
         return PassivePort(output, float(target.gradient.dot(losses)), resistance)
 

@@ -13,7 +13,7 @@ from phcontrol._validation import Array
 from phcontrol.mechanics.derivatives import lower_half
 
 _FLOAT = np.dtype(np.float64)
-_FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
+FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
 _dpotrf, _dtrtrs, _dtrtri, _dsygst, _dsyev = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst, lapack.dsyev
 
 
@@ -78,7 +78,7 @@ def damping_root(stiffness_root: Array, mobility: Array, ratio: float) -> Array:
     """Return X = (2ζ)^½ L U S^(−¼), with LᵀBL = U S Uᵀ."""
     squares, modes, _ = _dsyev(stiffness_root.T.dot(mobility).dot(stiffness_root))
     root: Array = stiffness_root.dot(modes)
-    root *= math.sqrt(2.0 * ratio) / np.maximum(squares, _FREE * squares[-1]) ** 0.25
+    root *= math.sqrt(2.0 * ratio) / np.maximum(squares, FREE * squares[-1]) ** 0.25
     return root
 
 

@@ -16,11 +16,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, decimal, flag, number, per_joint, sequence
-from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, RobotDescriptionWarning
+from phcontrol.exceptions import InvalidArgumentError, PHControlError, RobotDescriptionError, RobotDescriptionWarning
 from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.markup import read_markup
 from phcontrol.mechanics.mjcf import read_mjcf
+from phcontrol.mechanics.mjcf_comparison import check_against_mujoco
 from phcontrol.mechanics.payload import Payload, check_payloads
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
@@ -132,7 +133,13 @@ def _read_mjcf(description: Description, locked_joints: Sequence[str] | Mapping[
     if root.tag != "mujoco":
         return None
     locked = frozenset(locked_joints) if not isinstance(locked_joints, str) else frozenset()
-    found = read_mjcf(root, description.label, locked)
+    try:
+        found = read_mjcf(root, description.label, locked)
+    except PHControlError:
+        raise
+    except (LookupError, ArithmeticError, np.linalg.LinAlgError) as error:
+        raise RobotDescriptionError(f"{description.label}: not a valid MJCF: {error!r}") from error
+    check_against_mujoco(found, description.path, description.label)
     description.extras = {"armature": found.armature} | ({"home": found.home} if found.home else {})
     return found.urdf
 

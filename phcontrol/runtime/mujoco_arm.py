@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from typing import Any, Literal
 
@@ -39,7 +40,7 @@ class MujocoArm:
     Args:
         system: the model of the arm, for the names of its joints and their effort limits.
         model: an MJCF file, or an MjModel; None for what MuJoCo reads in the robot's URDF
-            (:func:`~phcontrol.runtime.mujoco_model.model_of_urdf`).
+            (``mujoco_model.model_of_urdf``).
         period: of the loop [s], a whole multiple of MuJoCo's time step.
         step: MuJoCo's time step [s]; by default that of the MJCF file, and one period where that is longer, or for a
             URDF.
@@ -81,7 +82,8 @@ class MujocoArm:
             self.model = model_of_urdf(system, friction=friction, contacts=contacts)
             step = self.period if step is None else step
         else:
-            self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else model
+            # a copy: steps and actuators are set on it
+            self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else copy.copy(model)
             if step is None:
                 step = min(float(self.model.opt.timestep), self.period)
         if step is not None:

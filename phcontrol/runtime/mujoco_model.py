@@ -55,6 +55,10 @@ def model_of_urdf(system: MechanicalSystem, *, friction: bool, contacts: bool) -
         raise InvalidArgumentError(
             "system", f"{robot.name} has mimic joints, which MuJoCo does not read in a URDF: lock them (locked_joints)"
         )
+    if robot.payloads:
+        raise InvalidArgumentError(
+            "system", f"{robot.name} carries a payload, which is not in its URDF: give an MJCF file that has it"
+        )
     if system.potentials:
         raise InvalidArgumentError("system", "has springs, which MuJoCo does not know: give an MJCF file that has them")
     try:
@@ -163,6 +167,7 @@ def silence_actuators(model: Any, velocities: Array) -> None:
             int(mujoco.mjtTrn.mjTRN_JOINT),
             int(mujoco.mjtTrn.mjTRN_JOINTINPARENT),
         )
-        if of_joint and int(model.jnt_dofadr[model.actuator_trnid[actuator, 0]]) in ours:
+        of_tendon = int(model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_TENDON)  # it may pull at the arm
+        if of_tendon or (of_joint and int(model.jnt_dofadr[model.actuator_trnid[actuator, 0]]) in ours):
             model.actuator_gainprm[actuator, :] = 0.0
             model.actuator_biasprm[actuator, :] = 0.0

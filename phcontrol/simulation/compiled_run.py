@@ -14,7 +14,6 @@ from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casa
 from phcontrol.compilation.compiler import Compiler, find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals, signals_of
-from phcontrol.controllers.controller import Controller
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.sensors.sensor import Sensor
@@ -56,6 +55,8 @@ def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
         present.append("a law whose state jumps")
     if loop.scene is not None:
         present.append("a scene")
+    if loop.torque_limit is not None and loop.controller.tank_level(np.zeros(loop.controller.state_size)) is not None:
+        present.append("torque limits, for which the law's tank must pay (torque_limit=None leaves them out)")
     return f"{', '.join(present)}: not compiled yet" if present else ""
 
 
@@ -231,11 +232,10 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
     set_up(block, [run.loop], [found.signals])
     record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors))
     record.states[0, :, 0] = run.start
-    last, clipped = np.abs(run.start).max(initial=0.0), np.zeros(block.lanes, dtype=bool)
+    last = np.abs(run.start).max(initial=0.0)
 
     def shown(first: int, rows: int, record: Record) -> None:
-        nonlocal last, clipped
-        clipped |= clipped_lanes(run.loop.controller, block, record, rows)
+        nonlocal last
         last = np.abs(record.states[max(0, int(block.reached[0]) - first)]).max()
         sink(first, rows, record)
 
@@ -245,19 +245,4 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
         say_interpreted(f"at t = {reached * plan.dt:g} s it takes a branch that is not compiled", 5)
     if status == NO_SOLUTION:
         say_interpreted(f"at t = {reached * plan.dt:g} s the implicit step is not found by iteration", 5)
-    if status == DONE and clipped[0]:
-        say_interpreted(CLIPPED, 5)
-    return status == DONE and not clipped[0]
-
-
-CLIPPED = "a torque is clipped, for which the law's tank must pay"
-
-
-def clipped_lanes(law: Controller, block: Block, record: Record, rows: int) -> Array:
-    """Return in which lanes a law with a tank had a torque clipped: compiled loops do not tell it, and it must pay.
-
-    Recorded samples alone are looked at.
-    """
-    if law.tank_level(np.zeros(law.state_size)) is None:
-        return np.zeros(block.lanes, dtype=bool)
-    return np.asarray((np.abs(record.torques[:rows]) >= block.limit).any(axis=(0, 1)))
+    return status == DONE

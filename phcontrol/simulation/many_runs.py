@@ -18,11 +18,9 @@ from phcontrol.compilation.signals import Signals
 from phcontrol.exceptions import PHControlError
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.compiled_run import (
-    CLIPPED,
     DIVERGED,
     advance,
     arranged,
-    clipped_lanes,
     compiled_loop,
     compiler_found,
     difference_at,
@@ -297,10 +295,9 @@ class ManyRuns:
         rows = min(_CHUNK, run.steps + 1) if self._measure == "final_state" else run.steps + 1
         record = Record.empty(made, rows, block.lanes, bool(run.sensors))
         record.states[0] = start
-        last, clipped = np.zeros(record.states.shape[1:]), np.zeros(block.lanes, dtype=bool)
+        last = np.zeros(record.states.shape[1:])
 
         def sink(first: int, count: int, record: Record) -> None:
-            np.logical_or(clipped, clipped_lanes(run.loop.controller, block, record, count), out=clipped)
             for lane in range(block.lanes):
                 row = int(block.reached[lane]) - first
                 if 0 <= row < count:
@@ -308,8 +305,8 @@ class ManyRuns:
 
         advance(block, plan_of(run), record, sink, rows)
         if self._measure == "final_state":
-            return numbered, block, (last, [], clipped)
-        return numbered, block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record], clipped)
+            return numbered, block, (last, [])
+        return numbered, block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
 
     def _take(self, done: Future[tuple[list[_Numbered], Block, Any]], bar: Any) -> list[int]:
         """Look at a block that has come to its end; return those that must be simulated interpreted after all."""
@@ -323,9 +320,6 @@ class ManyRuns:
             wild = not np.abs(last).max(initial=0.0) < DIVERGED
             if status == NO_SOLUTION:
                 left += self._not_compiled("an implicit step is not found by iteration", [index])
-                continue
-            if status == DONE and result[2][lane]:
-                left += self._not_compiled(CLIPPED, [index])
                 continue
             if status == NOT_COMPILED and not wild:
                 left += self._not_compiled("it takes a branch that is not compiled", [index])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -241,7 +242,7 @@ class Stage:
                 entry = shape.to_dict()
                 color = entry.pop("color")
                 # a ghost's shape is the link's, in another colour: written once
-                key = hash((entry["kind"], str(entry["size"]), str(entry["pose"]), entry.get("points")))
+                key = hash(json.dumps(entry, sort_keys=True))
                 if key not in known:
                     known[key] = len(shapes)
                     shapes.append(entry)

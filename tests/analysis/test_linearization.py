@@ -204,7 +204,11 @@ def test_what_cannot_be_linearised_is_refused(shoulder):
         linearize(make_controller("classical_impedance", shoulder, [0.0, 0.5]), shoulder, force=[1e9, 1e9])
 
 
-FREE = [n for n, e in CONTROLLERS.items() if e.law.run == "position" and n != "force_control" and "tracking" not in n]
+FREE = [
+    n
+    for n, e in CONTROLLERS.items()
+    if e.law.run == "position" and n not in ("force_control", "adaptive_payload") and "tracking" not in n
+]
 """Laws that rest in free motion and whose default gains are of the joints. Those of the Cartesian laws are a wish of
 the hand's: friction around rest makes its way slow (58 s on the Talos arm); in its null space is no spring."""
 

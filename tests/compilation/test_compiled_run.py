@@ -315,14 +315,14 @@ class Push(Action):
 
 
 def test_a_tank_whose_law_is_clipped_is_simulated_interpreted():
-    """Compiled loops do not tell it: where no torque is clipped they are the same, and else said and done again."""
+    """Compiled loops do not tell it: without limits they are the same, and else it is said."""
     system = MechanicalSystem(load_robot("pera_shoulder"))
     law = with_tank(ForceFeedback).tuned(system, actions=Push())
     run = {"duration": 0.02, "q0": law.goal, "v0": [2.0, -2.0]}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulate(system, law, torque_limit=None, compiled=True, **run)
-    with pytest.warns(CompilationWarning, match="a torque is clipped, for which the law's tank must pay"):
+    with pytest.warns(CompilationWarning, match="torque limits, for which the law's tank must pay"):
         clipped = simulate(system, law, torque_limit=15.0, compiled=True, **run)
     plain = simulate(system, law, torque_limit=15.0, **run)
     np.testing.assert_array_equal(clipped.tank_level, plain.tank_level)

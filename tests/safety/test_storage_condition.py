@@ -23,12 +23,12 @@ def test_slope_and_curvature_are_those_of_the_power(gears):
     def power(step):
         return condition.power(change + step, kick + effect @ step)
 
-    axes = np.eye(n)
-    slope = [(power(axis) - power(-axis)) / 2.0 for axis in axes]
-    np.testing.assert_allclose(condition.slope(change, kick, effect), slope, rtol=1e-9)
-    bend = [[0.25 * (power(a + b) - power(a - b) - power(b - a) + power(-a - b)) for b in axes] for a in axes]
-    curvature = condition.curvature(effect)
-    np.testing.assert_allclose(0.5 * (curvature + curvature.T), bend, rtol=1e-6, atol=1e-9)
+    centre, reach = generator.normal(size=n), generator.uniform(0.5, 2.0, size=n)
+    constraint = condition.scaled(1.3, change, kick, effect, centre, reach)
+    size = 1.3 / constraint.excess
+    for z in generator.normal(size=(20, n)):
+        grown = power((z - centre) * reach) - power(np.zeros(n))
+        assert size * constraint.value(z) == pytest.approx(1.3 + grown, rel=1e-9)
 
 
 def test_what_is_allowed_is_what_sampling_alone_does():

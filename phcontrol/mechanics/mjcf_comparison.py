@@ -1,0 +1,142 @@
+"""What was understood of an MJCF, held against what MuJoCo itself makes of the file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from phcontrol._validation import Array
+from phcontrol.exceptions import RobotDescriptionError
+from phcontrol.mechanics.urdf import UNBOUNDED, Findings, canonical
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from phcontrol.mechanics.mjcf import Mjcf
+
+_CLOSE = 1e-8  # of the largest entry: both are exact but for rounding
+_POSTURES = 3
+
+
+def check_against_mujoco(found: Mjcf, path: Path, label: str) -> None:
+    """Raise RobotDescriptionError unless MuJoCo reads the file, and as the same arm.
+
+    Compared are mass matrix with rotors, weight, ranges, damping and friction of the joints, and where bodies and sites
+    are, at some postures. MJCF has more ways to say a thing (classes, compilers' options) than are worth reading twice;
+    one that was read wrong is found here.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise RobotDescriptionError(
+            f"{label}: MJCF files are held against MuJoCo itself before they are believed: pip install "
+            "'phcontrol[mujoco]'"
+        ) from error
+    try:
+        theirs = mujoco.MjModel.from_xml_path(str(path))
+    except Exception as error:
+        raise RobotDescriptionError(f"{label}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
+    theirs.opt.gravity[:] = (0.0, 0.0, -9.81)
+    findings = Findings(label)
+    try:
+        problems = _Comparison(mujoco, theirs, found).problems()
+    except (ArithmeticError, LookupError, ValueError) as error:
+        raise RobotDescriptionError(f"{label}: cannot be held against MuJoCo's model: {error}") from error
+    for problem in problems:
+        findings.add(0, problem)
+    findings.check()
+
+
+class _Comparison:
+    def __init__(self, mujoco: Any, theirs: Any, found: Mjcf) -> None:
+        self._mujoco, self._theirs, self._found = mujoco, theirs, found
+        self._data = mujoco.MjData(theirs)
+        self._ours = pin.buildModelFromXML(canonical(found.urdf))
+        self._names = list(self._ours.names)[1:]
+        for i, name in enumerate(self._names, start=1):
+            self._ours.armature[self._ours.joints[i].idx_v] = found.armature.get(name, 0.0)
+
+    def problems(self) -> list[str]:
+        """Return what differs, in words."""
+        if not self._names:
+            return ["it has no joint"]
+        known = {self._theirs.joint(i).name: i for i in range(self._theirs.njnt)}
+        if set(known) != set(self._names):
+            return [f"MuJoCo has the joints {', '.join(known) or 'none'}; read were {', '.join(self._names) or 'none'}"]
+        joints = [known[name] for name in self._names]
+        places = [int(self._theirs.jnt_qposadr[i]) for i in joints]
+        freedoms = [int(self._theirs.jnt_dofadr[i]) for i in joints]
+        found = self._joints(joints, freedoms)
+        generator, ours = np.random.default_rng(0), self._ours.createData()
+        for _ in range(_POSTURES):
+            q = generator.uniform(-1.0, 1.0, self._ours.nq)
+            self._data.qpos[places] = q
+            self._data.qvel[:] = 0.0
+            self._mujoco.mj_forward(self._theirs, self._data)
+            mass = self._mass_matrix(freedoms)
+            weight = pin.computeGeneralizedGravity(self._ours, ours, q)
+            for what, one, other in (
+                ("the mass matrix", pin.crba(self._ours, ours, q), mass),
+                ("the weight", weight, self._data.qfrc_bias[freedoms]),
+            ):
+                largest = float(np.abs(mass).max() if what == "the mass matrix" else 10.0 * np.abs(mass).max())
+                if not np.abs(one - other).max(initial=0.0) <= _CLOSE * max(largest, float(np.abs(other).max())):
+                    found.append(f"{what} is another than MuJoCo's, by {np.abs(one - other).max():.2g}")
+            found += self._frames(ours, q)
+            if found:
+                return list(dict.fromkeys(found))
+        return []
+
+    def _mass_matrix(self, freedoms: list[int]) -> Array:
+        columns = np.zeros((len(freedoms), len(freedoms)))
+        column, axis = np.zeros(self._theirs.nv), np.zeros(self._theirs.nv)
+        for k, freedom in enumerate(freedoms):
+            axis[:] = 0.0
+            axis[freedom] = 1.0
+            self._mujoco.mj_mulM(self._theirs, self._data, column, axis)
+            columns[:, k] = column[freedoms]
+        return columns
+
+    def _joints(self, joints: list[int], freedoms: list[int]) -> list[str]:
+        """Return what differs of ranges, damping and friction."""
+        read = {joint.name: joint for joint in self._found.urdf.joints if joint.moves}
+        found = []
+        for name, i, freedom in zip(self._names, joints, freedoms, strict=True):
+            joint, theirs = read[name], self._theirs
+            if theirs.jnt_limited[i] and joint.limit is not None:
+                one, other = (joint.limit.lower, joint.limit.upper), tuple(theirs.jnt_range[i])
+                if not np.allclose(one, other, rtol=1e-9, atol=1e-9):
+                    found.append(f"joint '{name}' has the range {one}, in MuJoCo {other}")
+            elif joint.limit is not None and max(abs(joint.limit.lower), abs(joint.limit.upper)) < UNBOUNDED:
+                found.append(f"joint '{name}' has a range, in MuJoCo none")
+            for what, mine, its in (
+                ("damping", joint.damping, theirs.dof_damping[freedom]),
+                ("friction", joint.friction, theirs.dof_frictionloss[freedom]),
+            ):
+                if not np.isclose(mine, np.ravel(its)[0], rtol=1e-9, atol=1e-12):
+                    found.append(f"joint '{name}' has the {what} {mine:g}, in MuJoCo {np.ravel(its)[0]:g}")
+        return found
+
+    def _frames(self, ours: pin.Data, q: Array) -> list[str]:
+        """Return which bodies and sites are elsewhere."""
+        pin.framesForwardKinematics(self._ours, ours, q)
+        bodies = {
+            self._theirs.body(i).name: (self._data.xpos[i], self._data.xmat[i]) for i in range(self._theirs.nbody)
+        }
+        sites = {
+            self._theirs.site(i).name: (self._data.site_xpos[i], self._data.site_xmat[i])
+            for i in range(self._theirs.nsite)
+        }
+        found = [
+            f"'{name}' names a body and a site, at different places" for name in bodies.keys() & sites.keys() if name
+        ]
+        for name, (position, rotation) in (sites | bodies).items():
+            if not name or name == "world" or not self._ours.existFrame(name, pin.FrameType.BODY):
+                continue
+            place = ours.oMf[self._ours.getFrameId(name, pin.FrameType.BODY)]
+            off = max(np.abs(place.translation - position).max(), np.abs(place.rotation - rotation.reshape(3, 3)).max())
+            if not off <= 1e-7:
+                found.append(f"'{name}' is elsewhere than in MuJoCo, by {off:.2g}")
+        return found
