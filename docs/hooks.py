@@ -64,7 +64,7 @@ def command_line() -> str:
 
 
 def _help(name: str, command: Any) -> str:
-    context = command.context_class(command, info_name=name, **command.context_settings | {"terminal_width": 100})
+    context = command.context_class(command, info_name=name, **command.context_settings | {"terminal_width": 80})
     return f"## `{name}`\n\n```text\n{command.get_help(context)}\n```"
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -54,3 +57,9 @@ def browser() -> Iterator[Browser]:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield Browser(chromium)
         chromium.close()
+
+
+def run_of(page):
+    """Return the run that a page holds, as the text that the browser unpacks."""
+    packed = re.search(r'<script id="run" type="application/gzip">([^<]+)<', page)[1]
+    return gzip.decompress(base64.b64decode(packed)).decode()

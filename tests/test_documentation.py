@@ -67,7 +67,7 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch):
         for line in block.splitlines():
             result = CliRunner().invoke(app, shlex.split(line)[1:])
             assert result.exit_code == 0, result.output
-    assert Path("run.html").stat().st_size > 500_000
+    assert Path("run.html").stat().st_size > 250_000  # the 3-D library alone
     assert Path("position.html").exists()
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from phcontrol import MechanicalSystem, RobotDescriptionError, certify, load_robot
 from phcontrol.runs.certificate_survey import every_arm
+from tests.browser import run_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -126,7 +127,7 @@ def test_servo_and_grasp_is_one_closed_loop(tmp_path, monkeypatch):
     assert moved < 0.02  # [rad]: the arm stays where it is while the hand closes
     assert (log.position >= it["robot"].lower).all()
     assert (log.position <= it["robot"].upper).all()
-    page = (tmp_path / "servo_and_grasp.html").read_text()
+    page = run_of((tmp_path / "servo_and_grasp.html").read_text())
     for part in ("camera/frustum", "object/box", "bodies/0/left_finger", "goal/hand"):
         assert part in page
 

@@ -11,7 +11,7 @@ from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 
 
 def robots(as_json: JsonOption = False) -> None:
-    """List the robots that can be named; a path to any URDF file works too."""
+    """List the robots that can be named; a path to a URDF, MJCF or xacro file works too."""
     rows = [
         {"name": name, "source": "phcontrol", "fixed_base": True, "title": title}
         for name, title in shipped_robots().items()

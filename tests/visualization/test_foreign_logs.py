@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
-import re
 
 import numpy as np
 import pytest
@@ -16,6 +13,7 @@ from phcontrol.mechanics.catalogue import example_robots
 from phcontrol.visualization.recording import recorded_page
 from phcontrol.visualization.shapes import Shape, find_mesh
 from phcontrol.visualization.stage import Stage
+from tests.browser import run_of
 from tests.log_files import contents, sealed
 from tests.visualization.test_stage import ARM
 
@@ -104,12 +102,6 @@ def test_the_mesh_of_a_body_is_not_opened(private, tmp_path):
     (note,) = Stage.of(loaded).notes
     assert f"body 0 is not drawn: its mesh {private.resolve()} is not opened" in note
     assert packed not in run_of(recorded_page(loaded))
-
-
-def run_of(page):
-    """Return the run that a page holds, as the text that the browser unpacks."""
-    packed = re.search(r'<script id="run" type="application/gzip">([^<]+)<', page)[1]
-    return gzip.decompress(base64.b64decode(packed)).decode()
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda"])
