@@ -35,7 +35,8 @@ class Commands(LazyGroup):
             "Reproduce the thesis: every study and certificate, into one page.",
         ),
         "robots": Listed(
-            "phcontrol.cli.robots:robots", "List the robots that can be named; a path to a URDF, MJCF or xacro file works too."
+            "phcontrol.cli.robots:robots",
+            "List the robots that can be named; a path to a URDF, MJCF or xacro file works too.",
         ),
         "controllers": Listed(
             "phcontrol.cli.controllers:controllers",

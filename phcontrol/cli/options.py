@@ -10,7 +10,9 @@ import typer
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.simulation.integrators import INTEGRATORS
 
-RobotOption = Annotated[str, typer.Option(help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.")]
+RobotOption = Annotated[
+    str, typer.Option(help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.")
+]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
 FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
 ArmatureOption = Annotated[

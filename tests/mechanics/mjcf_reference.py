@@ -66,7 +66,8 @@ def computed(name):
             data.qpos[joints.index(joint)] = value
         mujoco.mj_forward(model, data)
         mass_matrix = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass_matrix)
+        for column, axis in zip(mass_matrix, np.eye(model.nv), strict=True):  # mj_fullM has changed its arguments
+            mujoco.mj_mulM(model, data, column, axis)
         arrays = (data.qpos[free], data.qvel[free], mass_matrix[np.ix_(free, free)], data.qfrc_bias[free])
         found["states"].append([array.tolist() for array in arrays])
     return found
