@@ -556,7 +556,7 @@ def test_a_deeper_minimum_beside_the_goal_is_seen():
 
         def shape(self, t, x, state, measured):
             effort = -self._slope(x) - x.injected_damping(self.damping, x.velocity)
-            return super().shape(t, x, state, measured)._replace(effort=effort)
+            return super().shape(t, x, state, measured)._replace(effort=effort, complete=False)
 
         def storage(self, t, x, state, measured=NOTHING):
             return super().storage(t, x, state, measured) - self._depth(x)
