@@ -247,7 +247,7 @@ class Well(EnergyShaping):
         return (
             super()
             .shape(t, x, state, measured)
-            ._replace(effort=-self._slope(x) - x.injected_damping(self.damping, x.velocity))
+            ._replace(effort=-self._slope(x) - x.injected_damping(self.damping, x.velocity), complete=False)
         )
 
     def storage(self, t, x, state, measured=NOTHING):
