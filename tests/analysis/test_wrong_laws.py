@@ -302,6 +302,9 @@ class ForgetsAState(ForceFeedback):
     def target(self, t, x, state, measured=NOTHING):
         return super().target(t, x, state[: x.system.n], measured)
 
+    def calmest_state(self, t, x, state):
+        return np.append(super().calmest_state(t, x, state[: x.system.n]), state[x.system.n :])
+
 
 class Backwards(ForceRegulation):
     """The virtual position moves away from the desired force, three times as fast."""
