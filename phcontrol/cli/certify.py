@@ -77,6 +77,9 @@ def certify(
     labelled, left_out, broken = [], [], False
     for name, entry in laws.items():
         forms = entry.law.forms if interconnection == "all" else (interconnection,)
+        if controller == "all" and not set(forms) <= set(entry.law.forms):
+            left_out.append(f"{name} has no form '{interconnection}': {', '.join(entry.law.forms)}")
+            continue
         try:
             with errors_of(name, entry.law):
                 made = [make_controller(name, system, interconnection=form, **options) for form in forms]

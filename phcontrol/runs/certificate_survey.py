@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.analysis.certify import certify
 from phcontrol.controllers.registry import find_law, make_controller
-from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError, UnknownNameError
 from phcontrol.mechanics.catalogue import example_robots, shipped_robots
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
@@ -67,7 +67,7 @@ def survey(
             forms = find_law(law).law.forms if form == "all" else (form,)
             try:
                 made = [make_controller(law, system, interconnection=each) for each in forms]
-            except InvalidArgumentError as error:  # a law that is not for this arm
+            except (InvalidArgumentError, UnknownNameError) as error:  # a law that is not for this arm, or not so
                 yield SurveyRow(name, system.n, law, refused=str(error))
                 continue
             certificates = tuple(certify(each, system, samples=samples, seed=seed) for each in made)
@@ -108,7 +108,10 @@ def survey_of_compositions(
         seed: of the random states.
     """
     for composed in compositions(system, laws):
-        forms = find_law(composed.law).law.forms if form == "all" else (form,)
+        known = find_law(composed.law).law.forms
+        forms = known if form == "all" else tuple({form} & set(known))
+        if not forms:
+            continue  # the law does not know the form
         made = (composed.make(system, each) for each in forms)
         certificates = tuple(certify(law, system, samples=samples, seed=seed) for law in made)
         yield ComposedRow(system.robot.name, composed, certificates)

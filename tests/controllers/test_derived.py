@@ -10,7 +10,15 @@ from itertools import count
 import numpy as np
 import pytest
 
-from phcontrol import Controller, ForceRegulation, MechanicalSystem, load_robot, make_controller
+from phcontrol import (
+    NOTHING,
+    Controller,
+    EnergyShaping,
+    ForceRegulation,
+    MechanicalSystem,
+    load_robot,
+    make_controller,
+)
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
@@ -18,6 +26,7 @@ from phcontrol.analysis.state_sampler import StateSampler
 from phcontrol.controllers import controller as base
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.runs.compositions import compositions
+from tests.analysis.test_red_team import replaced
 from tests.conftest import make_system
 
 STEPS = (1e-3, 3e-3, 2e-4, 5e-5)
@@ -181,3 +190,29 @@ def test_the_derivation_is_of_fourth_order():
             patch.setattr(base, "_STEP", step)
             errors.append(distance(torque, slow.evaluate(*arguments).torque))
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.3)
+
+
+def test_the_derived_port_is_that_of_the_gradient():
+    """With H_d twice what it was, a torque δ more brings in twice as much: ŷ follows ∂H_d/∂p̂, not p̂."""
+
+    class Doubled(EnergyShaping):
+        passive_port = Controller.passive_port
+
+        def storage(self, t, x, state, measured=NOTHING):
+            return 2.0 * super().storage(t, x, state, measured)
+
+        def target(self, t, x, state, measured=NOTHING):
+            target = super().target(t, x, state, measured)
+            return replaced(target, gradient=2.0 * target.gradient)
+
+    system = make_system("pera")
+    law, generator = Doubled.tuned(system), np.random.default_rng(0)
+    x = system.at(system.robot.random_position(generator), generator.normal(size=system.n))
+    change = generator.normal(size=system.n)
+
+    def stored(step):
+        moved = x.velocity + step * np.linalg.solve(x.mass_matrix, change)  # what δ adds to q̇ in a short time
+        return law.storage(0.0, system.at(x.position, moved), np.zeros(0))
+
+    supplied = (stored(1e-5) - stored(-1e-5)) / 2e-5
+    assert law.passive_port(0.0, x, np.zeros(0)).output.dot(change) == pytest.approx(supplied, rel=1e-7)

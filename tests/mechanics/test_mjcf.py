@@ -199,3 +199,49 @@ def test_names_of_robot_descriptions(tmp_path, monkeypatch):
     assert load_robot("robot_descriptions:arm_description").n == 1
     with pytest.raises(LookupError, match="Did you mean 'arm_description'"):
         load_robot("robot_descriptions:arm_descriptio")
+
+
+CLASSY = """<mujoco model="arm"><compiler {compiler}/>{extra}
+ <default><default class="c">{default}</default></default>
+ <worldbody><body name="upper" childclass="c"><joint name="turn" axis="0 1 0" range="-1 1" damping="0.1"/>
+  <geom type="box" size="0.03 0.04 0.1" pos="0 0 0.1" {geom}/></body></worldbody></mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"default": '<joint pos="0.05 0 0"/>'},
+        {"default": '<geom mass="3"/>'},
+        {"default": '<geom euler="20 0 0"/>'},
+        {"geom": 'axisangle="1 1 1 0.4"'},
+        {"compiler": 'eulerseq="XYZ"', "geom": 'euler="10 20 30"'},
+        {"extra": '<compiler angle="radian"/>'},
+        {"geom": 'group="6"', "compiler": 'inertiagrouprange="0 5"'},
+    ],
+    ids=str,
+)
+def test_what_is_read_otherwise_than_by_mujoco_is_refused(parts, tmp_path):
+    """Each was loaded with another mass matrix, weight or range."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(CLASSY.format(**{"compiler": "", "extra": "", "default": "", "geom": ""} | parts))
+    with pytest.raises(RobotDescriptionError):
+        load_robot(path)
+
+
+def test_the_same_arm_as_mujocos_is_loaded(tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(CLASSY.format(compiler="", extra="", default='<joint armature="0.1"/>', geom='mass="2"'))
+    robot = load_robot(path)
+    assert list(robot.joint_names) == ["turn"]
+    assert MechanicalSystem(robot).at([0.0]).mass_matrix[0, 0] > 0.1
+
+
+def test_without_mujoco_it_is_said_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    path = tmp_path / "arm.xml"
+    path.write_text(CLASSY.format(compiler="", extra="", default="", geom=""))
+    with pytest.raises(RobotDescriptionError, match=r"held against MuJoCo itself.*phcontrol\[mujoco\]"):
+        load_robot(path)
