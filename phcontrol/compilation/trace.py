@@ -20,7 +20,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 
-VARIANTS = 6
+VARIANTS = 8
 """How many ways through a law's branches are compiled at most; others run interpreted."""
 
 
