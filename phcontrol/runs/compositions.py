@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import choice
+from phcontrol.controllers.adaptive_payload import AdaptivePayload
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.force_control import ForceControl
@@ -126,8 +127,12 @@ class Composition:
 
 
 def takes_any_potential(law: type[Controller]) -> bool:
-    """Whether a law is made about any potential: position laws but for those with a spring of their own."""
-    if issubclass(law, (TrajectoryTracking, ImpedanceGrasping)):
+    """Whether a law is made about any potential: position laws but for those with a spring of their own.
+
+    Nor the adaptive law, whose velocities hold ∂Ψ/∂q: about a spring of a frame, far off and near singularities, they
+    are so large that runs cannot be followed.
+    """
+    if issubclass(law, (TrajectoryTracking, ImpedanceGrasping, AdaptivePayload)):
         return False
     return issubclass(law, (PositionLaw, ForceControl))
 
