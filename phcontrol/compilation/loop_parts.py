@@ -10,8 +10,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.compilation.c_code import Branch
-from phcontrol.compilation.eigenvalues import written_out
-from phcontrol.compilation.errors import CompilationError, NotTraceableError
+from phcontrol.compilation.errors import CompilationError
 from phcontrol.compilation.law_inputs import (
     Bodies,
     numbers_of,
@@ -19,10 +18,10 @@ from phcontrol.compilation.law_inputs import (
     system_with_inputs,
     thing_with_inputs,
 )
-from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
-from phcontrol.compilation.trace import VARIANTS
+from phcontrol.compilation.symbol import Guards, Symbol, symbols
 from phcontrol.compilation.traced_state import TracedState, TracedSystem, traced_system
 from phcontrol.compilation.tracing import classes_of, refusal, tracing
+from phcontrol.compilation.ways import Entries, guarded_ways
 from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
 
@@ -60,45 +59,21 @@ def part(
     """
     lengths = (1, sizes.joints, sizes.joints, sizes.state, sizes.measured, numbers.size)
     inputs = [casadi.SX.sym(letter, size) for letter, size in zip("tqvsmp", lengths, strict=True)]
-    ways: list[Branch] = []
-    covers: list[Any] = []
-    failure: CompilationError | None = None
-    for sample in samples:
-        values = [*sample, numbers]
-        if len(ways) == VARIANTS or any(np.array(cover(*values)).all() for cover in covers):
-            continue
-        try:
-            way = _way(name, inputs, values, compute, things)
-        except NotTraceableError as error:
-            failure = error
-            continue
-        ways.append(way)
-        covers.append(casadi.Function("guards", inputs, [written_out(casadi.vertcat(casadi.SX(1), *way.guards))]))
-    if not ways:
-        raise failure or CompilationError(f"{name} could not be traced")
+    title = _TITLES.get(name, "the plant")
+    sampled = ([*sample, numbers] for sample in samples)
+    ways = guarded_ways(title, inputs, sampled, lambda values: _way(title, inputs, values, compute, things))
     return Part(name, inputs, ways)
 
 
-def _way(name: str, inputs: list[Any], values: list[Array], compute: Compute, things: Sequence[Any]) -> Branch:
+def _way(title: str, inputs: list[Any], values: list[Array], compute: Compute, things: Sequence[Any]) -> Branch:
     guards = Guards()
-
-    def entries(which: int) -> SymbolArray:
-        parts = casadi.vertsplit(inputs[which]) if inputs[which].numel() else []
-        return symbols([Symbol(one, float(value), guards) for one, value in zip(parts, values[which], strict=True)])
-
-    numbers, taken = entries(5), 0
-
-    def make(found: list[float]) -> list[Any]:
-        nonlocal taken
-        taken += len(found)
-        return list(numbers[taken - len(found) : taken])
-
+    entries = Entries(inputs, values, guards)
     try:
         with tracing(classes_of(*things)):
-            q, v, s, m = (entries(which) for which in range(1, 5))
-            found = list(compute(entries(0)[0], q, v, s, m, make))
+            q, v, s, m = (entries.of(which) for which in range(1, 5))
+            found = list(compute(entries.of(0)[0], q, v, s, m, entries.make))
     except Exception as error:  # whatever somebody's function does that symbols cannot
-        raise refusal(_TITLES.get(name, "the plant"), error) from error
+        raise refusal(title, error) from error
     outputs = [entry.expression if type(entry) is Symbol else casadi.SX(float(entry)) for entry in found]
     return Branch(guards.conditions, outputs)
 

@@ -10,18 +10,16 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
-from phcontrol.compilation.eigenvalues import Eigenvalues, written_out
-from phcontrol.compilation.errors import CompilationError, NotTraceableError
+from phcontrol.compilation.eigenvalues import Eigenvalues
+from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.law_inputs import NO_BODIES, Bodies, law_numbers, system_with_inputs, with_inputs
-from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
+from phcontrol.compilation.symbol import Guards, Symbol
 from phcontrol.compilation.traced_state import TracedState, traced_system
 from phcontrol.compilation.tracing import classes_of, refusal, tracing
+from phcontrol.compilation.ways import Entries, guarded_ways
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
-
-VARIANTS = 8
-"""How many ways through a law's branches are compiled at most; others run interpreted."""
 
 
 class Instant(NamedTuple):
@@ -96,27 +94,8 @@ def trace_law(law: Controller, instants: list[Instant], *, inertias: Bodies = NO
     layout = layout_of(law, numbers.size)
     names = {"t": 1, "q": layout.joints, "v": layout.joints, "s": layout.state, "m": layout.measured_size}
     inputs = [casadi.SX.sym(name, size) for name, size in (names | {"p": numbers.size}).items()]
-    traces: list[Trace] = []
-    covers: list[Any] = []
-    failure: CompilationError | None = None
-    for instant in instants:
-        values = values_of(layout, instant, numbers)
-        if any(_covers(cover, values) for cover in covers) or len(traces) == VARIANTS:
-            continue
-        try:
-            trace = _traced(law, layout, inputs, values, inertias)
-        except NotTraceableError as error:
-            failure = error
-            continue
-        conditions = written_out(casadi.vertcat(casadi.SX(1), *trace.guards))
-        cover = casadi.Function("guards", inputs, [conditions])
-        if not _covers(cover, values):  # a quotient or a root that is no number there
-            failure = NotTraceableError(f"{law.name} cannot be compiled: it computes what is not finite on its way")
-            continue
-        traces.append(trace)
-        covers.append(cover)
-    if not traces:
-        raise failure or CompilationError(f"{law.name} could not be evaluated at any state, and so not be traced")
+    samples = (values_of(layout, instant, numbers) for instant in instants)
+    traces = guarded_ways(law.name, inputs, samples, lambda values: _traced(law, layout, inputs, values, inertias))
     return TracedLaw(layout, inputs, traces, numbers)
 
 
@@ -129,31 +108,14 @@ def values_of(layout: Layout, instant: Instant, numbers: Array) -> list[Array]:
     ]  # fmt: skip
 
 
-def _covers(guards: Any, values: list[Array]) -> bool:
-    return bool(np.array(guards(*values)).all())
-
-
 def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: Bodies) -> Trace:
     guards = Guards()
-
-    def inputs_of(which: int) -> SymbolArray:
-        entries = casadi.vertsplit(inputs[which]) if inputs[which].numel() else []
-        return symbols(
-            [Symbol(entry, float(value), guards) for entry, value in zip(entries, values[which], strict=True)]
-        )
-
-    numbers, taken = inputs_of(5), 0
-
-    def make(found: list[float]) -> list[Any]:
-        nonlocal taken
-        taken += len(found)
-        return list(numbers[taken - len(found) : taken])
-
+    entries = Entries(inputs, values, guards)
     system = traced_system(law.system)
-    traced = with_inputs(law, system, make)
-    system_with_inputs(system, make, inertias)
-    position, velocity, state = inputs_of(1), inputs_of(2), inputs_of(3)
-    seen, start, shown = inputs_of(4), 0, {}
+    traced = with_inputs(law, system, entries.make)
+    system_with_inputs(system, entries.make, inertias)
+    position, velocity, state = entries.of(1), entries.of(2), entries.of(3)
+    seen, start, shown = entries.of(4), 0, {}
     for name, size in layout.measured:
         shown[name] = seen[start : start + size]
         start += size
@@ -161,7 +123,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
     try:
         with tracing(classes_of(law, law.system.friction, law.system.potentials)):
             x: MechanicalState = TracedState(system, position, velocity)
-            torque, rate = traced.evaluate(inputs_of(0)[0], x, state, Measured(**shown))
+            torque, rate = traced.evaluate(entries.of(0)[0], x, state, Measured(**shown))
     except Exception as error:  # whatever a law does that symbols cannot
         raise refusal(law.name, error) from error
     for name, value in vars(traced).items():
