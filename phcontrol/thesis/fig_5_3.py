@@ -234,7 +234,8 @@ def _determinants(cases: dict[str, _Case], logs: dict[str, Log]) -> tuple[int, f
 def _figure(logs: dict[str, Log]) -> Figure:
     from matplotlib.figure import Figure
 
-    from phcontrol.visualization.plots import COLORS, plot_features
+    from phcontrol.visualization.colors import COLORS
+    from phcontrol.visualization.plots import plot_features
 
     figure = Figure(figsize=(8.5, 8.5), layout="constrained")
     figure.suptitle(
@@ -260,7 +261,7 @@ def _figure(logs: dict[str, Log]) -> Figure:
 def _convergence(logs: dict[str, Log]) -> Figure:
     from matplotlib.figure import Figure
 
-    from phcontrol.visualization.plots import COLORS
+    from phcontrol.visualization.colors import COLORS
 
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     axes = figure.subplots()

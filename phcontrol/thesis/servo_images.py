@@ -119,7 +119,7 @@ def _frame(system: MechanicalSystem, scene: ObservedObject, log: Log, row: int) 
 def _figure(logs: dict[str, Log], camera: PinholeCamera, pictures: tuple[Image, Image]) -> Figure:
     from matplotlib.figure import Figure
 
-    from phcontrol.visualization.plots import COLORS
+    from phcontrol.visualization.colors import COLORS
 
     figure = Figure(figsize=(12.0, 6.6), layout="constrained")
     figure.suptitle("The PERA servos from rendered images, 30 Hz, one frame late, noise of one pixel")

@@ -130,7 +130,7 @@ def _least_stability(system: MechanicalSystem, start: Start, log: Log) -> float:
 def _figure(logs: dict[str, list[Log]], times: dict[str, Array]) -> Figure:
     from matplotlib.figure import Figure
 
-    from phcontrol.visualization.plots import COLORS
+    from phcontrol.visualization.colors import COLORS
 
     figure = Figure(figsize=(11.0, 4.5), layout="constrained")
     figure.suptitle(f"The PERA brings an object into its image's middle, from {STARTS} random starts")

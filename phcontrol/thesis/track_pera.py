@@ -87,7 +87,7 @@ def _steady_error(log: Log) -> float:
 def _figure(logs: dict[str, Log], system: MechanicalSystem) -> Figure:
     from matplotlib.figure import Figure
 
-    from phcontrol.visualization.plots import COLORS
+    from phcontrol.visualization.colors import COLORS
 
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phcontrol.identification.identified import Identification
-from phcontrol.visualization.plots import COLORS, INK
+from phcontrol.visualization.colors import COLORS, INK
 
 
 def identification_figure(found: Identification) -> Figure:

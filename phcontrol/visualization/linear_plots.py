@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phcontrol.analysis.linearization import Linearization
-from phcontrol.visualization.plots import COLORS, INK
+from phcontrol.visualization.colors import COLORS, INK
 
 _POINTS = 400
 _LONG = 6.0  # of a step, in slowest time constants

@@ -14,6 +14,7 @@ from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 from phcontrol.visualization import plots
+from phcontrol.visualization.colors import COLORS
 from phcontrol.visualization.recorded_robot import recorded_robot
 
 if TYPE_CHECKING:
@@ -109,11 +110,11 @@ def compare(logs: Mapping[str, Log], title: str = "") -> Figure:
     figure = plots.page_figure(title)
     axes = figure.subplots(2, 2)
     for number, (name, log) in enumerate(logs.items()):
-        robot, color = recorded_robot(log), plots.COLORS[number % len(plots.COLORS)]
+        robot, color = recorded_robot(log), COLORS[number % len(COLORS)]
         style: dict[str, Any] = {
             "color": color,
             "label": name,
-            "linestyle": "-" if number < len(plots.COLORS) else "--",
+            "linestyle": "-" if number < len(COLORS) else "--",
         }
         if log.goal is not None:
             error = np.abs(robot.difference(log.position, log.goal)).max(axis=1)

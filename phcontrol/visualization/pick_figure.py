@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from phcontrol.controllers.event_schedule import Switch
 from phcontrol.simulation.log import Log
-from phcontrol.visualization.plots import COLORS, INK
+from phcontrol.visualization.colors import COLORS, INK
 
 
 def pick_figure(logs: Sequence[Log], switches: Sequence[Sequence[Switch]], force: float) -> Figure:

@@ -12,16 +12,12 @@ from matplotlib.figure import Figure
 from phcontrol._files import write_atomically
 from phcontrol._validation import Array
 from phcontrol.simulation.log import Log
+from phcontrol.visualization.colors import COLORS, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from phcontrol.mechanics.robot import Robot
-
-INK = "#30343b"
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#6b705c")
-"""A palette that stays apart for colour-blind eyes, one colour a joint."""
-
 
 FEATURES = ("μ", "ν", "l")
 """The image features: where an object is in the image, and how long."""
@@ -68,31 +64,24 @@ def plot_errors(axes: Axes, log: Log, robot: Robot, goal: Array) -> Axes:
 
 def plot_velocities(axes: Axes, log: Log, robot: Robot) -> Axes:
     """Draw joint velocities over time, as parts of the joints' limits where all have one."""
-    limits = np.asarray(robot.velocity_limit)
-    bounded = bool(np.isfinite(limits).all())
-    for i, velocity in enumerate(log.velocity.T):
-        axes.plot(log.time, velocity / (limits[i] if bounded else 1.0), color=COLORS[i % len(COLORS)])
-    if bounded:
-        finish(axes, "joint velocities", "q̇ over its limit")
-        _mark_limits(axes)
-    else:
-        finish(axes, "joint velocities", "q̇ [rad/s]")
-    return axes
+    return _plot_of_limits(axes, log.time, log.velocity, robot.velocity_limit, "joint velocities", ("q̇", "rad/s"))
 
 
 def plot_torques(axes: Axes, log: Log, robot: Robot | None = None) -> Axes:
     """Draw the applied torques over time; with a robot, as parts of the motors' limits where all have one."""
-    limits = None if robot is None else np.asarray(robot.effort_limit)
+    limits = None if robot is None else robot.effort_limit
+    return _plot_of_limits(axes, log.time, log.torque, limits, "motor torques", ("u", "N·m"))
+
+
+def _plot_of_limits(axes: Axes, time: Array, values: Array, limits: Any, title: str, quantity: tuple[str, str]) -> Axes:
+    """Draw a quantity of the joints, (symbol, unit), over its limits where all joints have one."""
     bounded = limits is not None and bool(np.isfinite(limits).all())
-    for i, torque in enumerate(log.torque.T):
-        axes.plot(
-            log.time, torque / limits[i] if limits is not None and bounded else torque, color=COLORS[i % len(COLORS)]
-        )
+    for i, column in enumerate((values / np.asarray(limits) if bounded else values).T):
+        axes.plot(time, column, color=COLORS[i % len(COLORS)])
+    symbol, unit = quantity
+    finish(axes, title, f"{symbol} over its limit" if bounded else f"{symbol} [{unit}]")
     if bounded:
-        finish(axes, "motor torques", "u over its limit")
         _mark_limits(axes)
-    else:
-        finish(axes, "motor torques", "u [N·m]")
     return axes
 
 

@@ -10,9 +10,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.mechanics.robot import Robot
-
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d1f", "#7f7f7f")
-"""For joints in their order: those of Okabe and Ito, and a brown and a grey."""
+from phcontrol.visualization.colors import COLORS
 
 
 @dataclass(frozen=True)

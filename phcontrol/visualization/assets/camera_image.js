@@ -2,17 +2,10 @@
 "use strict";
 
 function drawImage(run, columns, frames, index, frame, canvas) {
-  const image = run.image, ratio = window.devicePixelRatio || 1;
+  const image = run.image;
   canvas.hidden = false;
-  const width = canvas.clientWidth || 266, height = width * image.height / image.width;
+  const [pen, width, height] = cleared(canvas, (wide) => wide * image.height / image.width);
   canvas.style.height = height + "px";
-  if (canvas.width !== Math.round(width * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-  }
-  const pen = canvas.getContext("2d");
-  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.clearRect(0, 0, width, height);
   const x = (mu) => width * (0.5 + mu / image.width), y = (nu) => height * (0.5 + nu / image.height);
   const bar = (mu, nu, length, color, thick) => {
     pen.strokeStyle = color;

@@ -25,8 +25,21 @@ function tickText(value, scale) {
   return scale.step < 1e-3 || scale.step >= 1e4 ? value.toExponential(0) : value.toFixed(Math.min(scale.digits, 4));
 }
 
-const BRIGHT = { "#0072b2": "#4aa8e0", "#d55e00": "#ff8c3a", "#009e73": "#2fc89b", "#7f7f7f": "#b4b4b4",
-                 "#8c6d1f": "#c9a94d", "#b01515": "#ff6b6b" };  // on a dark page
+const BRIGHT = { "#0072b2": "#4aa8e0", "#d55e00": "#ff8c3a", "#009e73": "#2fc89b", "#56b4e9": "#b5e3ff", "#7a5195": "#b79aff",
+                 "#6b705c": "#aeb4a0", "#7f7f7f": "#b4b4b4", "#b01515": "#ff6b6b" };  // on a dark page
+
+/** A canvas ready to be drawn on, at the screen's own resolution: its pen and its width. */
+function cleared(canvas, heightOf) {
+  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth || 266, height = heightOf(width);
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  return [pen, width, height];
+}
 
 /** Charts in a box. seek(t) is called where the user points at a time; first are the groups shown at first. */
 function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
@@ -126,17 +139,7 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
     }, { passive: false });
   }
 
-  function prepare(canvas) {
-    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth || 266;
-    if (canvas.width !== Math.round(width * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(HEIGHT * ratio);
-    }
-    const pen = canvas.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, width, HEIGHT);
-    return [pen, width];
-  }
+  const colorOf = (signal) => (isDark() && BRIGHT[signal.color]) || signal.color;
 
   /** The range of the axis: of what is shown, in the time that is shown; and of limits that are not far. */
   function rangeOf(signals, from, to) {
@@ -174,19 +177,18 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
     if (!frames.length || !box.clientWidth) return;
     const style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--ink"), grid = style.getPropertyValue("--line"), soft = style.getPropertyValue("--soft");
-    const dark = isDark(), at = hover === null ? frame : between(hover);
+    const at = hover === null ? frame : between(hover);
     const [from, to] = span();
     for (const chart of charts) {
       const shown = chart.rows.map((entry) => entry.signal).filter((signal) => signal.shown);
       for (const entry of chart.rows) {
-        const color = dark ? BRIGHT[entry.signal.color] || entry.signal.color : entry.signal.color;
-        entry.mark.style.background = color;
+        entry.mark.style.background = colorOf(entry.signal);
         entry.row.classList.toggle("off", !entry.signal.shown);
         entry.row.setAttribute("aria-pressed", String(entry.signal.shown));
         const value = at[entry.signal.column];
         entry.number.textContent = chart.rows.length > 3 ? short(value) : readable(value) + " " + entry.signal.unit;
       }
-      const [pen, width] = prepare(chart.canvas), [low, high] = rangeOf(shown, from, to);
+      const [pen, width] = cleared(chart.canvas, () => HEIGHT), [low, high] = rangeOf(shown, from, to);
       const x = (t) => LEFT + ((t - from) / (to - from)) * (width - LEFT - RIGHT);
       const y = (v) => HEIGHT - BOTTOM - ((v - low) / (high - low)) * (HEIGHT - TOP - BOTTOM);
       const stroke = (x0, y0, x1, y1) => { pen.beginPath(); pen.moveTo(x0, y0); pen.lineTo(x1, y1); pen.stroke(); };
@@ -213,10 +215,10 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
       pen.beginPath();
       pen.rect(LEFT, 0, width - LEFT - RIGHT, HEIGHT - BOTTOM);
       pen.clip();
-      drawLimits(pen, shown, low, high, y, width, dark);
+      drawLimits(pen, shown, low, high, y, width);
       const step = Math.max(1, Math.floor(frames.length / (2 * width)));
       for (const signal of shown) {
-        pen.strokeStyle = dark ? BRIGHT[signal.color] || signal.color : signal.color;
+        pen.strokeStyle = colorOf(signal);
         for (const [begin, end, alpha] of [[index, frames.length - 1, 0.3], [0, index, 1]]) {
           pen.globalAlpha = alpha;
           pen.lineWidth = 1.5;
@@ -241,13 +243,12 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
   }
 
   /** The joints' limits as dashed lines, and what lies beyond them shaded. */
-  function drawLimits(pen, shown, low, high, y, width, dark) {
+  function drawLimits(pen, shown, low, high, y, width) {
     for (const signal of shown) if (signal.limits) {
       signal.limits.forEach((limit, side) => {
         if (limit === null || limit < low || limit > high) return;
         if (!(limit > 0 ? signal.high > 0.6 * limit : signal.low < 0.6 * limit)) return;
-        const color = dark ? BRIGHT[signal.color] || signal.color : signal.color;
-        pen.fillStyle = pen.strokeStyle = color;
+        pen.fillStyle = pen.strokeStyle = colorOf(signal);
         pen.globalAlpha = 0.08;
         const edge = side === 0 ? y(low) : y(high);
         pen.fillRect(0, Math.min(y(limit), edge), width, Math.abs(edge - y(limit)));
