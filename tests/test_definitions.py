@@ -56,6 +56,7 @@ DEMANDED = {
     "potentials.potential": {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
     },
+    "simulation.signals": {"Exported": {"signals"}},
     "setpoints.live_motion": {"LiveMotion": {"_redirect", "checked", "duration"}},
     "tanks.action": {"Action": {"torque"}},
     "environments.body": {"Body": {"fastest_rate", "initial_state", "touch"}},

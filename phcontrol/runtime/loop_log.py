@@ -20,7 +20,7 @@ from phcontrol.exceptions import DataFileError, PHControlError
 from phcontrol.runtime.arm_driver import Reading
 from phcontrol.runtime.control_loop import ControlLoop
 from phcontrol.runtime.loop_mode import LoopMode
-from phcontrol.simulation.signals import Signal, Signals
+from phcontrol.simulation.signals import Exported, Signal, Signals
 
 _MAGIC = b"phcloop1"
 _HEAD = struct.Struct("<8sQQQ")  # magic, bytes of the text that follows, numbers in a row, rows
@@ -142,7 +142,7 @@ class LoopLog:
         return file
 
 
-class LoopRecord:
+class LoopRecord(Exported):
     """What a :class:`LoopLog` kept, oldest row first."""
 
     def __init__(self, about: dict[str, Any], table: Array) -> None:
@@ -192,18 +192,6 @@ class LoopRecord:
             quantities[name] = Signal(values, _UNITS[name], labels)
         about = {name: value for name, value in self.about.items() if name != "places"}
         return Signals(self.time, quantities, about)
-
-    def to_xarray(self) -> Any:
-        """Return it as an ``xarray.Dataset``; see :meth:`Signals.to_xarray`."""
-        return self.signals.to_xarray()
-
-    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as an MCAP file; see :meth:`Signals.to_mcap`."""
-        return self.signals.to_mcap(path)
-
-    def to_rerun(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as a Rerun recording; see :meth:`Signals.to_rerun`."""
-        return self.signals.to_rerun(path, str(self.about["robot"]))
 
 
 def read_loop_log(path: str | os.PathLike[str]) -> LoopRecord:

@@ -20,14 +20,14 @@ from phcontrol.simulation.log_file import FEATURES, FILTER, LARGEST, MEASURED, r
 from phcontrol.simulation.plant_record import plant_from_record, plant_record
 from phcontrol.simulation.power_balance import PowerBalance
 from phcontrol.simulation.sampled_control import SampledControl
-from phcontrol.simulation.signals import Signal, Signals
+from phcontrol.simulation.signals import Exported, Signal, Signals
 from phcontrol.simulation.vector_field import ClosedLoop, Evaluation
 
 if TYPE_CHECKING:
     import pandas
 
 
-class Log:
+class Log(Exported):
     """A run: times, states, torques, forces, and the energies derived from them.
 
     Rows are samples k at ``time[k]``. What follows from the trajectory (energies, powers: ``DERIVED`` says how) is
@@ -464,18 +464,6 @@ class Log:
                 quantities[name] = Signal(column, "W" if name.endswith("power") else "J")
         kept = ("robot", "controller", "interconnection", "dt", "integrator", "control_period")
         return Signals(self.time, quantities, {name: self.metadata.get(name) for name in kept})
-
-    def to_xarray(self) -> Any:
-        """Return it as an ``xarray.Dataset``; see :meth:`Signals.to_xarray`."""
-        return self.signals.to_xarray()
-
-    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as an MCAP file; see :meth:`Signals.to_mcap`."""
-        return self.signals.to_mcap(path)
-
-    def to_rerun(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as a Rerun recording; see :meth:`Signals.to_rerun`."""
-        return self.signals.to_rerun(path, str(self.metadata["robot"]))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the log as a pandas DataFrame indexed by time (needs pandas)."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from phcontrol._files import check_file_place
+from phcontrol._files import check_file_place, write_atomically
 from phcontrol._validation import Array
 from phcontrol._version import __version__
 from phcontrol.exceptions import PHControlError
@@ -55,16 +56,15 @@ class Signals(NamedTuple):
         return xarray.Dataset(variables, coordinates, {name: _plain(value) for name, value in self.attributes.items()})
 
     def to_mcap(self, path: str | os.PathLike[str]) -> Path:
-        """Write them as an MCAP file: a channel each, JSON messages of their components by name; return the path.
+        """Write them as an MCAP file, atomically: a channel each, JSON messages of their components by name.
 
-        Times are nanoseconds since the run began. NaN is written as null. Raises PHControlError where mcap is not
-        installed.
+        Returns the path. Times are nanoseconds since the run began. NaN is written as null. Raises PHControlError where
+        mcap is not installed.
         """
         _load("mcap", "mcap")
         from mcap.writer import Writer
 
-        check_file_place(path)
-        with open(path, "wb") as file:
+        def write(file: IO[bytes]) -> None:
             writer = Writer(file)
             writer.start(profile="", library=f"phcontrol {__version__}")
             channels = {name: self._channel(writer, name, signal) for name, signal in self.quantities.items()}
@@ -75,7 +75,8 @@ class Signals(NamedTuple):
                     writer.add_message(channels[name], log_time=stamp, publish_time=stamp, data=message, sequence=k)
             writer.add_metadata("phcontrol", {name: str(_plain(value)) for name, value in self.attributes.items()})
             writer.finish()
-        return Path(path)
+
+        return write_atomically(path, write)
 
     def to_rerun(self, path: str | os.PathLike[str], name: str = "phcontrol") -> Path:
         """Write them as a Rerun recording (.rrd), a curve for each component; return the path.
@@ -108,6 +109,28 @@ class Signals(NamedTuple):
             topic=f"/{name}", message_encoding="json", schema_id=number, metadata={"unit": signal.unit}
         )
         return channel
+
+
+class Exported(ABC):
+    """What can be given to other programs, as its signals."""
+
+    @property
+    @abstractmethod
+    def signals(self) -> Signals:
+        """All quantities over time; ``attributes`` name the robot."""
+
+    def to_xarray(self) -> Any:
+        """Return it as an ``xarray.Dataset``; see :meth:`Signals.to_xarray`."""
+        return self.signals.to_xarray()
+
+    def to_mcap(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as an MCAP file; see :meth:`Signals.to_mcap`."""
+        return self.signals.to_mcap(path)
+
+    def to_rerun(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as a Rerun recording; see :meth:`Signals.to_rerun`."""
+        signals = self.signals
+        return signals.to_rerun(path, str(signals.attributes["robot"]))
 
 
 def _labels(signal: Signal) -> tuple[str, ...]:
