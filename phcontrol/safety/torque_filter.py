@@ -239,29 +239,26 @@ class TorqueFilter:
         """Return the torques that effort and rate allow, with their scales."""
         if share is not None:
             return self._shared_box(previous, share)
-        if previous is None or not self._has_rate:
-            if not self._has_rate:
-                return self._effort_box
+        if not self._has_rate:
+            return self._effort_box
+        if previous is None:
             previous, step = self._zero, self._unlimited
         else:
             previous, step = np.ascontiguousarray(previous, dtype=float), self._rate_bound
-        low, high, centre, reach = kernels.torque_range(previous, self.limits.effort, step)
-        if self._has_infinite_bounds:
-            free = np.isinf(reach)
-            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
-            highest = np.where(free, UNBOUNDED, 1.0)
-            return _Box(low, high, centre, reach, -highest, highest)
-        return _Box(low, high, centre, reach, self._effort_box.lowest, self._effort_box.highest)
+        return self._scaled_box(*kernels.torque_range(previous, self.limits.effort, step))
 
     def _shared_box(self, previous: Array | None, share: RobotShare) -> _Box:
         """Return the same where a robot adds to what is sent."""
         low, high = torque_range(self.limits.effort, self._rate_bound, previous if self._has_rate else None, share)
-        centre, reach = 0.5 * (low + high), 0.5 * (high - low)
-        highest = np.ones(self.system.n)
-        if self._has_infinite_bounds:
-            free = np.isinf(reach)
-            centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
-            highest = np.where(free, UNBOUNDED, highest)
+        return self._scaled_box(low, high, 0.5 * (low + high), 0.5 * (high - low))
+
+    def _scaled_box(self, low: Array, high: Array, centre: Array, reach: Array) -> _Box:
+        """Return the box of these torques; where there is no bound it has a scale all the same."""
+        if not self._has_infinite_bounds:
+            return _Box(low, high, centre, reach, self._effort_box.lowest, self._effort_box.highest)
+        free = np.isinf(reach)
+        highest = np.where(free, UNBOUNDED, 1.0)
+        centre, reach = np.where(free, 0.0, centre), np.where(free, _NO_EFFORT_LIMIT, reach)
         return _Box(low, high, centre, reach, -highest, highest)
 
     def _motion(self, x: MechanicalState, external_force: Array | None) -> _Motion:
