@@ -247,7 +247,8 @@ class ControlLoop:
             elapsed: time since the reading before by the arm's own clock [s], where the arm is the clock; None: the
                 loop's clock says it.
         """
-        told = None if elapsed is None or not 0.0 <= elapsed < math.inf else float(elapsed)
+        since = real_array(elapsed, ())
+        told = None if since is None or since < 0.0 else float(since)
         passed = max(self.period, self._recorder.begin(self._clock(), told))  # longer, where periods were skipped
         try:
             ordered = self._controlled(position, velocity, measured, age, passed, torque)

@@ -599,3 +599,14 @@ def test_solvers_are_let_go_at_the_end_whatever_keeps_them():
     )
     assert run.returncode == 0
     assert run.stderr == ""
+
+
+@pytest.mark.parametrize("elapsed", ["a", [0.001] * 3, None, np.nan, np.inf, -1.0, 1j, True, {}], ids=repr)
+def test_an_arms_clock_that_says_no_time_is_not_believed(pera, elapsed):
+    """It raised TypeError and ValueError out of ``step``; the loop's own clock says it then."""
+    told, own = (make_loop(pera) for _ in range(2))
+    rest = np.zeros(pera.n)
+    for _ in range(3):
+        torque = told.step(pera.robot.home, rest, elapsed=elapsed)
+        np.testing.assert_array_equal(torque, own.step(pera.robot.home, rest))
+    assert told.fault is None
