@@ -29,7 +29,7 @@ from phcontrol.runs.compositions import compositions
 from tests.analysis.test_red_team import replaced
 from tests.conftest import make_system
 
-STEPS = (1e-3, 3e-3, 2e-4, 5e-5)
+STEPS = (1e-3, 3e-3, 5e-4, 2e-4, 5e-5)
 """Of the base's differences of θ [rad], its own first: near singularities of a path θ bends within the region of
 damping, and a large step leaves an error of its fourth power; a small one leaves rounding of a large θ over it."""
 BOUND = 1e-10
