@@ -259,10 +259,7 @@ class ArmModel:
         for k in inertias:
             bodies[k] = bodies[k]._replace(mass=0.0, centre=NOTHING, inertia=_NO_ROWS)
         gravity = [value == 0.0 for value in self.gravity] if weighed else self.gravity
-        frames = [
-            (frame.name, frame.parentJoint, _vector(frame.placement.translation), _rows(frame.placement.rotation))
-            for frame in self.frames
-        ]
+        frames = [(frame.name, frame.parentJoint, frame.placement.homogeneous.tobytes()) for frame in self.frames]
         return [gravity, bodies, self.supports, frames]
 
     def at(self, position: Any) -> ArmPosture:
@@ -271,15 +268,18 @@ class ArmModel:
 
 
 def _vector(values: Any) -> Vector:
-    return tuple(float(value) for value in np.asarray(values).ravel())  # type: ignore[return-value]
+    return tuple(np.asarray(values, dtype=np.float64).ravel().tolist())
 
 
 def _rows(matrix: Any) -> Rows:
     """Return a (3, 3) matrix by its rows; what rounding left beside 0 and ±1 is taken out."""
-    entries = np.array(matrix)
-    near = np.round(entries)
-    entries = np.where(np.abs(entries - near) < 4e-16, near, entries)
-    return tuple(_vector(row) for row in entries)  # type: ignore[return-value]
+    first, second, third = np.asarray(matrix, dtype=np.float64).tolist()
+    return _cleaned(first), _cleaned(second), _cleaned(third)
+
+
+def _cleaned(row: list[float]) -> Vector:
+    x, y, z = (near if abs(entry - (near := float(round(entry)))) < 4e-16 else entry for entry in row)
+    return x, y, z
 
 
 class ArmPosture:

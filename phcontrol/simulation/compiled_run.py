@@ -92,10 +92,12 @@ def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
             raise CompilationError(problem)
         compiler = compiler_found()
         from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
+        from phcontrol.compilation.law_inputs import remembering
 
-        arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-        made = compiled_loop(arrangement, run, compiler)
-        return Prepared(made, numbers_of_arrangement(arrangement), signals)
+        with remembering():
+            arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
+            made = compiled_loop(arrangement, run, compiler)
+            return Prepared(made, numbers_of_arrangement(arrangement), signals)
     except CompilationError as error:
         say_interpreted(str(error))
         return None
