@@ -27,7 +27,8 @@ class Eigenvalues:
 
     Args:
         size: n.
-        given: the lower triangle, row by row, a vector of ``casadi.SX``.
+        given: the lower triangle, row by row, whether it is asked for, and what the eigenvalues are where it is not: a
+            vector of ``casadi.SX``.
     """
 
     def __init__(self, size: int, given: Any) -> None:
@@ -67,23 +68,38 @@ def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
     """
     if not is_symbolic(matrix):
         return lapack.dsyev(matrix, compute_v=compute_v, **options)
-    n = len(matrix)
-    if options or n not in _SWEEPS:
-        refuse(f"eigenvalues of a matrix of {n} rows, or with options, are not traced")
-    lower = [matrix[i, j] for i in range(n) for j in range(i + 1)]
-    guards = next((entry.guards for entry in lower if type(entry) is Symbol), None)
-    if guards is None:
+    if options:
+        refuse("eigenvalues of a matrix with options are not traced")
+    if not any(type(entry) is Symbol for entry in matrix.ravel()):
         return lapack.dsyev(np.array(matrix, dtype=float), compute_v=compute_v)
-    given = casadi.vertcat(*(_expression(entry) for entry in lower))
+    values, columns = _decomposed(matrix, 1.0, 0.0)
+    return values, columns, 0
+
+
+def smallest_mode(matrix: Any, doubt: Any, otherwise: Any) -> tuple[Any, Any]:
+    """Return the smallest eigenvalue and its vector, looked for only where ``doubt`` > 0 (``kernels.smallest_mode``)."""
+    values, columns = _decomposed(matrix, doubt, otherwise)
+    return values[0], columns[:, 0]
+
+
+def _decomposed(matrix: Any, doubt: Any, otherwise: Any) -> tuple[SymbolArray, SymbolArray]:
+    n = len(matrix)
+    if n not in _SWEEPS:
+        refuse(f"eigenvalues of a matrix of {n} rows are not traced")
+    lower = [matrix[i, j] for i in range(n) for j in range(i + 1)]
+    guards = next(entry.guards for entry in (*lower, doubt) if type(entry) is Symbol)
+    needed, asked = _expression(doubt) > 0.0, float(sample_of(doubt) > 0.0)
+    given = casadi.vertcat(*(_expression(entry) for entry in lower), needed, _expression(otherwise))
     block = Eigenvalues(n, given)
     guards.blocks.append(block)
-    samples = np.array(decomposition(n)(np.array([sample_of(entry) for entry in lower]))).ravel()
+    numbers = np.array([*(sample_of(entry) for entry in lower), asked, sample_of(otherwise)])
+    samples = np.array(decomposition(n)(numbers)).ravel()
     made = [
         Symbol(one, float(sample), guards) for one, sample in zip(casadi.vertsplit(block.results), samples, strict=True)
     ]
     guards.bounds.append(made[-1].expression <= LEFT**2)
     columns: SymbolArray = symbols(made[n:-1]).reshape(n, n).T.view(SymbolArray)
-    return symbols(made[:n]), columns, 0
+    return symbols(made[:n]), columns
 
 
 def written_out(expressions: Any) -> Any:
@@ -111,12 +127,13 @@ def _rounds(n: int) -> list[list[tuple[int, int]]]:
 
 @functools.cache
 def decomposition(n: int) -> Any:
-    """Return the function of a lower triangle's entries: eigenvalues, columns of vectors, and what is left beside.
+    """Return the function of what ``Eigenvalues`` is given: eigenvalues, columns of vectors, and what is left beside.
 
     The last is the square of the off-diagonal entries over that of the diagonal. It is what ``c_text`` is in C.
     """
-    given = casadi.SX.sym("A", n * (n + 1) // 2)
-    entries = iter(casadi.vertsplit(given))
+    given = casadi.SX.sym("A", n * (n + 1) // 2 + 2)
+    *lower, needed, otherwise = casadi.vertsplit(given)
+    entries = iter(lower)
     A = [[next(entries) for _ in range(i + 1)] for i in range(n)]
     V: list[list[Any]] = [[casadi.SX(float(i == j)) for j in range(n)] for i in range(n)]  # V[k]: column k
 
@@ -151,7 +168,9 @@ def decomposition(n: int) -> Any:
             values[i], values[i + 1] = casadi.fmin(values[i], values[i + 1]), casadi.fmax(values[i], values[i + 1])
             V[i], V[i + 1] = _either(falls, V[i + 1], V[i]), _either(falls, V[i], V[i + 1])
     vectors = [entry for column in V for entry in column]
-    return casadi.Function("eigenvalues", [given], [casadi.vertcat(*values, *vectors, left / (size + _TINY))])
+    found = [casadi.if_else(needed, value, otherwise) for value in values]
+    rest = [casadi.if_else(needed, entry, 0.0) for entry in (*vectors, left / (size + _TINY))]
+    return casadi.Function("eigenvalues", [given], [casadi.vertcat(*found, *rest)])
 
 
 def _turned(first: list[Any], second: list[Any], cosine: Any, sine: Any, has_zeros: bool) -> tuple[Any, Any]:
@@ -185,6 +204,10 @@ def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
   static const unsigned char pairs[{len(rounds)}][{half}][2] = {{{table}}};
   real A[{n}][{n}], V[{n}][{n}], left = 0, size = 0;
   int i, j, k, turn, sweep, busy = 1;
+  if (!(given[{n * (n + 1) // 2}] != 0)) {{ /* not asked for */
+    for (i = 0; i <= {n + n * n}; i++) out[i] = i < {n} ? given[{n * (n + 1) // 2 + 1}] : 0;
+    return;
+  }}
   for (i = 0; i < {n}; i++) {{
     for (j = 0; j <= i; j++) A[i][j] = A[j][i] = *given++;
     for (j = 0; j < {n}; j++) V[i][j] = (real)(i == j);

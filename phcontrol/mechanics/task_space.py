@@ -7,10 +7,12 @@ import math
 import numpy as np
 
 from phcontrol._lazy import lazy
-from phcontrol._smooth import smooth
+from phcontrol._smooth import smooth, vanishes
 from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.singular_damping import SINGULAR_REGION, frame_damping
+
+_FAR = 2.0 * SINGULAR_REGION  # from singularities: nothing is damped, nothing fades
 
 
 class TaskSpace:
@@ -30,34 +32,43 @@ class TaskSpace:
         self._factor = factor
 
     @lazy
+    def _products(self) -> tuple[Array, Array, Array, float]:
+        return kernels.task_space(self.jacobian, self._factor, frame_damping(len(self.jacobian)).half)
+
+    @property
     def reduced(self) -> Array:
         """W = T⁻¹𝒥ᵀ, shape (n, m): ξ = Wᵀp̄."""
-        return kernels.solve(self._factor, self.jacobian.T)
+        return self._products[0]
 
-    @lazy
+    @property
     def mobility(self) -> Array:
         """B = 𝒥M⁻¹𝒥ᵀ = WᵀW, shape (m, m): the inverse of Λ, the frame's inertia, where that exists."""
-        mobility: Array = self.reduced.T.dot(self.reduced)
-        return mobility
+        return self._products[1]
 
-    @lazy
+    @property
     def square(self) -> Array:
         """𝒥𝒥ᵀ, shape (m, m)."""
-        square: Array = self.jacobian.dot(self.jacobian.T)
-        return square
+        return self._products[2]
 
     @lazy
     def damped(self) -> tuple[float, Array] | None:
         """What ``SingularDamping.at`` says of 𝒥𝒥ᵀ: None away from singularities."""
-        return None if self._is_clear else frame_damping(len(self.square)).at(self.square)
+        if vanishes(self._doubt(SINGULAR_REGION)):
+            return None
+        return frame_damping(len(self.square)).of_mode(*self._smallest)
+
+    def _doubt(self, distance: float) -> float:
+        """Return 0 where a bound that needs no eigenvalues says that σ is at least a distance: σ² ≥ 1 / tr(W(𝒥𝒥ᵀ)⁻¹)."""
+        return max(0.0, self._products[3] * distance**2 - 1.0)
 
     @lazy
-    def _is_clear(self) -> bool:
-        """Whether a cheap bound says that singularities are further than twice the region where 𝒥# is damped."""
-        return frame_damping(len(self.square)).is_surely_beyond(self.square, 2.0 * SINGULAR_REGION)
+    def _smallest(self) -> tuple[float, Array]:
+        """σ² and its direction; in C, where σ is surely as far as nothing depends on it, that distance."""
+        weighed = frame_damping(len(self.square)).weighed(self.square)
+        return kernels.smallest_mode(weighed, self._doubt(_FAR), _FAR**2)
 
     @lazy
-    def _regular_mobility(self) -> Array:
+    def regular_mobility(self) -> Array:
         """B + λ²(tr B / tr 𝒥𝒥ᵀ)W̃ with λ² of :class:`SingularDamping`: B itself away from singularities."""
         damped, square = self.damped, self.square
         if damped is None:
@@ -76,13 +87,17 @@ class TaskSpace:
         rest: Array = momentum - self.reduced.dot(self.solve_mobility(twist))
         return rest
 
+    def without_task_force(self, force: Array) -> Array:
+        """Return T P T⁻¹f = f − 𝒥ᵀB⁻¹𝒥M⁻¹f: the part of a force that does not accelerate the frame, shape (n,)."""
+        return kernels.without_task(self.jacobian, self._factor, self.reduced, self.regular_mobility, force)
+
     def solve_mobility(self, twist: Array) -> Array:
         """Return B⁻¹ξ = Λξ, damped near singularities, of a twist or of the columns of a matrix."""
         return kernels.solve_transposed(self._mobility_factor, kernels.solve(self._mobility_factor, twist))
 
     @lazy
     def _mobility_factor(self) -> Array:
-        return kernels.factor(self._regular_mobility)
+        return kernels.factor(self.regular_mobility)
 
     @lazy
     def projector(self) -> Array:
@@ -94,7 +109,9 @@ class TaskSpace:
     @property
     def clearance(self) -> float:
         """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        return 1.0 if self._is_clear else smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
+        if vanishes(self._doubt(_FAR)):
+            return 1.0
+        return smooth(math.sqrt(max(self._smallest[0], 0.0)) / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:
