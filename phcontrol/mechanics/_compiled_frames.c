@@ -49,12 +49,12 @@ static int cholesky(npy_intp n, double *A) {
   return 1;
 }
 
-/* b <- L^-1 b, entries `step` apart */
-static void forward(const double *L, npy_intp n, double *b, npy_intp step) {
+/* b <- L^-1 b */
+static void forward(const double *L, npy_intp n, double *b) {
   for (npy_intp i = 0; i < n; i++) {
-    double sum = b[i * step];
-    for (npy_intp k = 0; k < i; k++) sum -= L[i * n + k] * b[k * step];
-    b[i * step] = sum / L[i * n + i];
+    double sum = b[i];
+    for (npy_intp k = 0; k < i; k++) sum -= L[i * n + k] * b[k];
+    b[i] = sum / L[i * n + i];
   }
 }
 
@@ -199,17 +199,18 @@ static PyObject *frame_wrench(PyObject *module, PyObject *const *arguments, Py_s
 
 PyDoc_STRVAR(task_space_doc,
              "task_space(jacobian, factor, weight_root)\n--\n\n"
-             "Return W = T^-1 J^T, B = W^T W, A = J J^T and tr(H A^-1), H the weight; inf where A is singular.");
+             "Return W = T^-1 J^T, B = W^T W, A = J J^T and (tr Y^4)^(1/2) of Y = H^T A^-1 H; inf where A is singular.");
 static PyObject *task_space(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp m, n;
   Workspace space;
-  double *W_out, *B, *A, trace = INFINITY;
+  double *W_out, *B, *A, bound = INFINITY;
   if (!is_counted(given, 3) || !shape_of(arguments[0], "jacobian", &m, &n) || !is_matrix(arguments[1], n, n, "factor") ||
       !is_matrix(arguments[2], m, m, "weight_root"))
     return NULL;
-  if (!workspace_open(&space, n * n + 2 * m * n + 2 * m * m)) return NULL;
+  if (!workspace_open(&space, n * n + 2 * m * n + 4 * m * m)) return NULL;
   double *T = workspace_take(&space, n * n), *J = workspace_take(&space, m * n), *W = workspace_take(&space, m * n);
   double *L = workspace_take(&space, m * m), *H = workspace_take(&space, m * m);
+  double *Y = workspace_take(&space, m * m), *Y_square = workspace_take(&space, m * m);
   PyObject *reduced = new_rows(n, m, &W_out), *mobility = new_rows(m, m, &B), *square = new_rows(m, m, &A);
   PyObject *result = NULL;
   if (reduced != NULL && mobility != NULL && square != NULL) {
@@ -217,20 +218,24 @@ static PyObject *task_space(PyObject *module, PyObject *const *arguments, Py_ssi
     read_rows(arguments[1], n, n, T);
     read_rows(arguments[2], m, m, H);
     memcpy(W, J, (size_t)(m * n) * sizeof(double)); /* rows are T^-1 times those of J */
-    for (npy_intp i = 0; i < m; i++) forward(T, n, W + i * n, 1);
+    for (npy_intp i = 0; i < m; i++) forward(T, n, W + i * n);
     for (npy_intp i = 0; i < m; i++)
       for (npy_intp j = 0; j < n; j++) W_out[j * m + i] = W[i * n + j];
     square_of(W, m, n, B);
     square_of(J, m, n, A);
     memcpy(L, A, (size_t)(m * m) * sizeof(double));
     if (cholesky(m, L)) {
-      trace = 0.0;
-      for (npy_intp j = 0; j < m; j++) {
-        forward(L, m, H + j, m);
-        for (npy_intp i = 0; i < m; i++) trace += H[i * m + j] * H[i * m + j];
+      double sum = 0.0;
+      for (npy_intp j = 0; j < m; j++) { /* rows are L^-1 times the columns of H */
+        for (npy_intp i = 0; i < m; i++) Y[j * m + i] = H[i * m + j];
+        forward(L, m, Y + j * m);
       }
+      square_of(Y, m, m, H);
+      square_of(H, m, m, Y_square);
+      for (npy_intp i = 0; i < m * m; i++) sum += Y_square[i] * Y_square[i];
+      bound = sqrt(sum);
     }
-    result = Py_BuildValue("OOOd", reduced, mobility, square, trace);
+    result = Py_BuildValue("OOOd", reduced, mobility, square, bound);
   }
   Py_XDECREF(reduced);
   Py_XDECREF(mobility);
@@ -266,10 +271,10 @@ static PyObject *without_task(PyObject *module, PyObject *const *arguments, Py_s
   if (result != NULL) {
     read_vector(arguments[4], n, out);
     memcpy(p, out, (size_t)n * sizeof(double));
-    forward(T, n, p, 1);
+    forward(T, n, p);
     memset(y, 0, (size_t)m * sizeof(double));
     add_transposed(W, n, m, p, 1.0, y);
-    forward(L, m, y, 1);
+    forward(L, m, y);
     backward(L, m, y);
     add_transposed(J, m, n, y, -1.0, out);
   }
@@ -303,7 +308,7 @@ static PyObject *hand_damping(PyObject *module, PyObject *const *arguments, Py_s
     memset(y, 0, (size_t)m * sizeof(double));
     add_transposed(X, m, m, twist, 1.0, y);
     times(X, m, m, y, wrench);
-    forward(L, m, twist, 1);
+    forward(L, m, twist);
     backward(L, m, twist);
     for (npy_intp i = 0; i < m; i++) wrench[i] -= d * twist[i];
     times(M, n, n, v, out);

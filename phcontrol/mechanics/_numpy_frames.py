@@ -33,14 +33,16 @@ def frame_wrench(
 
 
 def task_space(jacobian: Array, factor: Array, weight_root: Array) -> tuple[Array, Array, Array, float]:
-    """Return W = T⁻¹𝒥ᵀ, B = WᵀW, A = 𝒥𝒥ᵀ and tr(H A⁻¹)."""
+    """Return W = T⁻¹𝒥ᵀ, B = WᵀW, A = 𝒥𝒥ᵀ and (tr Y⁴)^½ of Y = HᵀA⁻¹H."""
     reduced, square = _dtrtrs(factor, jacobian.T, 1)[0], jacobian.dot(jacobian.T)
     root, info = _dpotrf(square, 1, 1)
-    trace = math.inf
+    bound = math.inf
     if not info:
         columns = _dtrtrs(root, weight_root, 1)[0]
-        trace = float(np.vdot(columns, columns))
-    return reduced, reduced.T.dot(reduced), square, trace
+        inverse = columns.T.dot(columns)
+        fourth = inverse.dot(inverse)
+        bound = math.sqrt(np.vdot(fourth, fourth))
+    return reduced, reduced.T.dot(reduced), square, bound
 
 
 def smallest_mode(matrix: Array, doubt: float, otherwise: float) -> tuple[float, Array]:

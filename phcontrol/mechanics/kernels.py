@@ -15,7 +15,7 @@ diagonal halved:
 About a frame, with 𝒥 of m rows, W = T⁻¹𝒥ᵀ and B = WᵀW (by ``_compiled_frames.c``, else ``_numpy_frames.py``):
 
     frame_wrench(r, R, r_d, R_d, K, F, M)  (K(r − r_d) + F, vee(Y − Yᵀ)), Y = R_d M Rᵀ; None for 0, and for R_d = 1
-    task_space(𝒥, T, H)                  W, B, A = 𝒥𝒥ᵀ and tr(HHᵀA⁻¹), inf unless A is positive definite
+    task_space(𝒥, T, H)                  W, B, A = 𝒥𝒥ᵀ and (tr Y⁴)^½ of Y = HᵀA⁻¹H, inf unless A is positive definite
     smallest_mode(A, doubt, otherwise)   the smallest eigenvalue and its vector (always LAPACK's)
     without_task(𝒥, T, W, B, f)          f − 𝒥ᵀB⁻¹WᵀT⁻¹f
     hand_damping(𝒥, X, B, M, v, d)       𝒥ᵀ(XXᵀ − d B⁻¹)𝒥v + d M v

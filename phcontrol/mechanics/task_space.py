@@ -12,8 +12,6 @@ from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.singular_damping import SINGULAR_REGION, frame_damping
 
-_FAR = 2.0 * SINGULAR_REGION  # from singularities: nothing is damped, nothing fades
-
 
 class TaskSpace:
     """The task space of a frame at one posture, weighted by the inertia of the arm (O. Khatib, IEEE JRA 3(1), 1987).
@@ -53,19 +51,11 @@ class TaskSpace:
     @lazy
     def damped(self) -> tuple[float, Array] | None:
         """What ``SingularDamping.at`` says of 𝒥𝒥ᵀ: None away from singularities."""
-        if vanishes(self._doubt(SINGULAR_REGION)):
+        doubt = max(0.0, self._products[3] * SINGULAR_REGION**4 - 1.0)  # 0: σ is surely beyond
+        if vanishes(doubt):
             return None
-        return frame_damping(len(self.square)).of_mode(*self._smallest)
-
-    def _doubt(self, distance: float) -> float:
-        """Return 0 where a bound that needs no eigenvalues says that σ is at least a distance: σ² ≥ 1 / tr(W(𝒥𝒥ᵀ)⁻¹)."""
-        return max(0.0, self._products[3] * distance**2 - 1.0)
-
-    @lazy
-    def _smallest(self) -> tuple[float, Array]:
-        """σ² and its direction; in C, where σ is surely as far as nothing depends on it, that distance."""
-        weighed = frame_damping(len(self.square)).weighed(self.square)
-        return kernels.smallest_mode(weighed, self._doubt(_FAR), _FAR**2)
+        damping = frame_damping(len(self.jacobian))
+        return damping.of_mode(*kernels.smallest_mode(damping.weighed(self.square), doubt, SINGULAR_REGION**2))
 
     @lazy
     def regular_mobility(self) -> Array:
@@ -109,9 +99,7 @@ class TaskSpace:
     @property
     def clearance(self) -> float:
         """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        if vanishes(self._doubt(_FAR)):
-            return 1.0
-        return smooth(math.sqrt(max(self._smallest[0], 0.0)) / SINGULAR_REGION - 1.0)
+        return smooth(self._products[3] ** -0.25 / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:
