@@ -77,7 +77,7 @@ def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
 
 
 def smallest_mode(matrix: Any, doubt: Any, otherwise: Any) -> tuple[Any, Any]:
-    """Return the smallest eigenvalue and its vector, looked for only where ``doubt`` > 0 (``kernels.smallest_mode``)."""
+    """Return the smallest eigenvalue and its vector as ``kernels.smallest_mode`` does, only where ``doubt`` > 0."""
     values, columns = _decomposed(matrix, doubt, otherwise)
     return values[0], columns[:, 0]
 
@@ -208,7 +208,9 @@ def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
     for turns in rounds:
         for k, (p, q) in enumerate(turns):
             lines.append(f"a = {_at(q, p)}, d = {_at(q, q)} - {_at(p, p)};")
-            lines.append(f"t{k} = (a + a) / (d + copysign{suffix}(sqrt{suffix}(d * d + {four} * (a * a) + {tiny}), d));")
+            lines.append(
+                f"t{k} = (a + a) / (d + copysign{suffix}(sqrt{suffix}(d * d + {four} * (a * a) + {tiny}), d));"
+            )
             lines.append(f"c{k} = {one} / sqrt{suffix}({one} + t{k} * t{k}), s{k} = t{k} * c{k};")
             lines.append(f"{_at(p, p)} -= t{k} * a, {_at(q, q)} += t{k} * a, {_at(q, p)} = 0;")
         for k, (p, q) in enumerate(turns):

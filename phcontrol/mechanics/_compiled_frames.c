@@ -106,7 +106,6 @@ static void substitute(npy_intp n, const double *A, const npy_intp *order, const
   }
 }
 
-/* Row p times c less row q times s, and row q times c and row p times s. */
 static void turn(double *first, double *second, npy_intp n, double c, double s) {
   for (npy_intp i = 0; i < n; i++) {
     const double x = first[i], y = second[i];
@@ -245,8 +244,7 @@ static PyObject *task_space(PyObject *module, PyObject *const *arguments, Py_ssi
 }
 
 static PyObject *not_definite(void) {
-  PyErr_SetString(PyExc_ArithmeticError, "the matrix is not positive definite");
-  return NULL;
+  return PyErr_Format(PyExc_ArithmeticError, "the matrix is not positive definite");
 }
 
 PyDoc_STRVAR(without_task_doc,
@@ -255,7 +253,7 @@ PyDoc_STRVAR(without_task_doc,
 static PyObject *without_task(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp m, n;
   Workspace space;
-  double *out;
+  double *out = NULL;
   if (!is_counted(given, 5) || !shape_of(arguments[0], "jacobian", &m, &n) || !is_matrix(arguments[1], n, n, "factor") ||
       !is_matrix(arguments[2], n, m, "reduced") || !is_matrix(arguments[3], m, m, "mobility") ||
       !is_doubles(arguments[4], 1, n, "force"))
@@ -288,7 +286,7 @@ PyDoc_STRVAR(hand_damping_doc,
 static PyObject *hand_damping(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
   npy_intp m, n;
   Workspace space;
-  double *out, d;
+  double *out = NULL, d;
   if (!is_counted(given, 6) || !shape_of(arguments[0], "jacobian", &m, &n) || !is_matrix(arguments[1], m, m, "root") ||
       !is_matrix(arguments[2], m, m, "mobility") || !is_matrix(arguments[3], n, n, "mass_matrix") ||
       !is_doubles(arguments[4], 1, n, "velocity") || !number_of(arguments[5], &d))
@@ -430,15 +428,11 @@ static PyObject *curve_point(PyObject *module, PyObject *const *arguments, Py_ss
       !number_of(arguments[2], &s) || !number_of(arguments[3], &speed) || !number_of(arguments[4], &acceleration))
     return NULL;
   PyObject *turned = arguments[5];
-  if (columns != 4 || rows < 2 || rows % 2) {
-    PyErr_SetString(PyExc_ValueError, "table must be an array of an even number of rows, and 4 columns");
-    return NULL;
-  }
+  if (columns != 4 || rows < 2 || rows % 2)
+    return PyErr_Format(PyExc_ValueError, "table must be an array of an even number of rows, and 4 columns");
   if (turned != Py_None) {
-    if (!PyTuple_Check(turned) || PyTuple_GET_SIZE(turned) != 4) {
-      PyErr_SetString(PyExc_ValueError, "turned must be a tuple of three matrices and a vector: arrays");
-      return NULL;
-    }
+    if (!PyTuple_Check(turned) || PyTuple_GET_SIZE(turned) != 4)
+      return PyErr_Format(PyExc_ValueError, "turned must be a tuple of three matrices and a vector: arrays");
     for (int part = 0; part < 3; part++)
       if (!is_matrix(PyTuple_GET_ITEM(turned, part), 3, 3, "turned")) return NULL;
     if (!is_doubles(PyTuple_GET_ITEM(turned, 3), 1, 3, "axis")) return NULL;

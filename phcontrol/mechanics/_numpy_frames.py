@@ -6,6 +6,7 @@ A traced law computes with them too: NumPy and LAPACK are then those of ``phcont
 from __future__ import annotations
 
 import math
+
 import numpy as np
 from scipy.linalg import lapack
 
@@ -102,10 +103,7 @@ def right_inverse_motion(
         return np.full(matrix.shape[1], np.nan), np.full(matrix.shape[1], np.nan)
     y: Array = _dgetrs(lu, pivots, desired)[0]
     s = y.dot(matrix)
-    if square_rate is None:
-        lost = rate.dot(s) + matrix.dot(y.dot(rate))
-    else:
-        lost = square_rate.dot(y)
+    lost = rate.dot(s) + matrix.dot(y.dot(rate)) if square_rate is None else square_rate.dot(y)
     y_rate: Array = _dgetrs(lu, pivots, desired_rate - lost)[0]
     return s, y.dot(rate) + y_rate.dot(matrix)
 

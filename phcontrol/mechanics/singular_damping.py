@@ -94,7 +94,7 @@ def frame_damping(
     region: float = SINGULAR_REGION,
     length: float = LENGTH,
 ) -> SingularDamping:
-    """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²); one of each."""
+    """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
     return _made(rows, level, region, length)
 
 

@@ -125,8 +125,8 @@ class FramePotential(Potential):
 
     def wrench(self, kinematics: FrameKinematics, goal: Goal | None = None) -> Array:
         """Return (K e + F, vee(B − Bᵀ)), shape (6,), at the frame's origin in the axes of the world [N, N·m]."""
-        turning, pose = self._turning, self._pose(goal)
-        turn = pose.rotation
+        pose, turning = self._pose(goal), self._turning
+        turn: Array | None = pose.rotation
         if goal is None and turning is not None:
             turning, turn = self._turned, None
         r, R = kinematics.translation, kinematics.rotation

@@ -20,7 +20,7 @@ _curve_point = kernels.curve_point
 class Curve(NamedTuple):
     """Where the frame is and how far it is turned, (r, φ)(s) [m, rad]: a line, and waves about it.
 
-        (r, φ) = (1, s, cos ks, cos 2ks, …, sin ks, sin 2ks, …) · table
+    (r, φ) = (1, s, cos ks, cos 2ks, …, sin ks, sin 2ks, …) · table
     """
 
     table: Array

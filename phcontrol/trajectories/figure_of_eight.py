@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, positive
+from phcontrol._validation import number, positive
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.trajectories.curved_path import Curve, CurvedPath
 from phcontrol.trajectories.minimum_jerk import minimum_jerk_step

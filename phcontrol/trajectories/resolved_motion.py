@@ -12,7 +12,6 @@ from phcontrol.mechanics.singular_damping import DAMPING_SHARE, LENGTH, SINGULAR
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.trajectories.frame_path import FrameReference
 
-
 NOTHING: dict[int, Array] = {rows: np.zeros(rows) for rows in (3, 6)}
 """What is missed where nothing is damped, by the rows of a twist; read-only."""
 for _zero in NOTHING.values():
@@ -27,7 +26,7 @@ class ResolvedMotion(NamedTuple):
     acceleration: Array
     """q̈_ref = 𝒥#ξ̇_d + (d𝒥#/dt)ξ_d along the true q̇, shape (n,) [rad/s²]."""
     missed: Array
-    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out; ``NOTHING[rows]`` where there is none."""
+    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out, ``NOTHING`` where it does not damp."""
 
 
 def resolved_motion(

@@ -53,7 +53,9 @@ class ServoVelocity:
         along, along_rate = B.dot(pull), B_rate.dot(pull) + B.dot(pull_rate)
         if damped is None:
             # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
-            s, s_rate = kernels.right_inverse_motion(B, B_rate, square, square_rate, desired - along, desired_rate - along_rate)
+            s, s_rate = kernels.right_inverse_motion(
+                B, B_rate, square, square_rate, desired - along, desired_rate - along_rate
+            )
             return s + pull, s_rate + pull_rate
         regularised = self.damping.regularised(square, square_rate, damped)
         s, s_rate = kernels.right_inverse_motion(B, B_rate, *regularised, desired, desired_rate)

@@ -117,7 +117,7 @@ def test_closures_and_arrays_with_strides_are_watched(shoulder):
 
 
 def test_a_change_in_a_loop_that_python_has_specialised_is_noticed(shoulder):
-    """Between steps that found nothing: an attribute that is set to what it is, a hundred times, and then to another."""
+    """Between steps that find nothing an attribute is set to what it is, a hundred times, and then to another."""
     law = Changing.tuned(shoulder, goal=[0.4, 0.6])
     compiled, x = compile_law(law), shoulder.at([0.1, 0.2])
     kept, other = law.boost, 1.0 + 1e-9

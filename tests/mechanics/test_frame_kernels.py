@@ -72,9 +72,7 @@ def test_the_task_space_is_its_definition(kernels, seed, rows, joints, lay):
 @cases
 def test_without_the_task_a_force_does_not_accelerate_the_frame(kernels, seed, rows, joints, lay):
     case = Case(seed, rows, joints)
-    found = kernels.without_task(
-        *map(lay, (case.jacobian, case.factor, case.reduced, case.mobility)), lay(case.force)
-    )
+    found = kernels.without_task(*map(lay, (case.jacobian, case.factor, case.reduced, case.mobility)), lay(case.force))
     close(case.jacobian @ np.linalg.solve(case.mass, found), np.zeros(rows), 1e-9)
     push = case.jacobian.T @ np.linalg.solve(case.mobility, case.jacobian @ np.linalg.solve(case.mass, case.force))
     close(found, case.force - push)
@@ -185,8 +183,9 @@ def test_the_wrench_of_a_frame_is_the_slope_of_its_energy(kernels, seed, rows, j
     for stiffness, force, turning in ((K, F, M), (None, F, M), (K, None, None), (None, None, M), (K, F, None)):
         for goal_turn in (R_d, None):
             found = kernels.frame_wrench(
-                *map(lay, (r, R, r_d)), *(None if one is None else lay(one) for one in (goal_turn, stiffness, force, turning))
-            )  # fmt: skip
+                *map(lay, (r, R, r_d)),
+                *(None if one is None else lay(one) for one in (goal_turn, stiffness, force, turning)),
+            )
             parts = (
                 none if stiffness is None else stiffness, np.zeros(3) if force is None else force,
                 none if turning is None else turning, np.eye(3) if goal_turn is None else goal_turn,
