@@ -26,7 +26,7 @@ class ResolvedMotion(NamedTuple):
     acceleration: Array
     """q̈_ref = 𝒥#ξ̇_d + (d𝒥#/dt)ξ_d along the true q̇, shape (n,) [rad/s²]."""
     missed: Array
-    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out, ``NOTHING`` where it does not damp."""
+    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out; ``NOTHING`` without."""
 
 
 def resolved_motion(
