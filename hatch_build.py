@@ -11,6 +11,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 SOURCES = (
     Path("phcontrol", "_lazy_compiled.c"),
     Path("phcontrol", "mechanics", "_compiled.c"),
+    Path("phcontrol", "mechanics", "_compiled_frames.c"),
     Path("phcontrol", "safety", "_compiled.c"),
     Path("phcontrol", "safety", "_compiled_program.c"),
     Path("phcontrol", "compilation", "_caller.c"),

@@ -91,4 +91,53 @@ static inline PyObject *new_matrix(npy_intp n, double **data) {
   return result;
 }
 
+static inline int is_matrix(PyObject *object, npy_intp rows, npy_intp columns, const char *name) {
+  if (PyArray_Check(object)) {
+    PyArrayObject *array = (PyArrayObject *)object;
+    if (PyArray_NDIM(array) == 2 && PyArray_TYPE(array) == NPY_DOUBLE && PyArray_ISBEHAVED_RO(array) &&
+        PyArray_DIM(array, 0) == rows && PyArray_DIM(array, 1) == columns)
+      return 1;
+  }
+  PyErr_Format(PyExc_ValueError, "%s must be a float64 array of shape (%zd, %zd)", name, (Py_ssize_t)rows,
+               (Py_ssize_t)columns);
+  return 0;
+}
+
+static inline int is_counted(Py_ssize_t given, Py_ssize_t wanted) {
+  if (given == wanted) return 1;
+  PyErr_Format(PyExc_TypeError, "takes %zd arguments, but %zd were given", wanted, given);
+  return 0;
+}
+
+/* Shape of a matrix that the others are measured by; 0 with an error set. */
+static inline int shape_of(PyObject *object, const char *name, npy_intp *rows, npy_intp *columns) {
+  if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) != 2) {
+    PyErr_Format(PyExc_ValueError, "%s must be an array of two axes", name);
+    return 0;
+  }
+  *rows = PyArray_DIM((PyArrayObject *)object, 0);
+  *columns = PyArray_DIM((PyArrayObject *)object, 1);
+  return is_matrix(object, *rows, *columns, name);
+}
+
+static inline void read_rows(PyObject *object, npy_intp rows, npy_intp columns, double *out) {
+  PyArrayObject *array = (PyArrayObject *)object;
+  const char *data = PyArray_BYTES(array);
+  const npy_intp row = PyArray_STRIDE(array, 0), column = PyArray_STRIDE(array, 1);
+  for (npy_intp i = 0; i < rows; i++)
+    for (npy_intp j = 0; j < columns; j++) out[i * columns + j] = *(const double *)(data + i * row + j * column);
+}
+
+static inline PyObject *new_rows(npy_intp rows, npy_intp columns, double **data) {
+  npy_intp shape[2] = {rows, columns};
+  PyObject *result = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+  if (result != NULL) *data = PyArray_DATA((PyArrayObject *)result);
+  return result;
+}
+
+static inline int number_of(PyObject *object, double *out) {
+  *out = PyFloat_AsDouble(object);
+  return !(*out == -1.0 && PyErr_Occurred());
+}
+
 #endif

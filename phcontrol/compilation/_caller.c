@@ -4,10 +4,16 @@
    lead to `fallback`, the same call in Python: it says what is wrong, or computes by the interpreted law. */
 #include "../_arrays.h"
 #include <stddef.h>
+#include <stdint.h>
 
 typedef int (*Law)(double, const double *, const double *, const double *, const double *, const double *, double *);
 
 #define FIELDS 3 /* of Measured */
+
+typedef struct {
+  PyObject *part;   /* (dict, names, values) */
+  uint64_t version; /* of the dict, when it was last looked at */
+} WatchedDict;
 
 typedef struct {
   PyObject_HEAD
@@ -19,6 +25,8 @@ typedef struct {
   double *values;            /* the law's numbers */
   PyObject *fallback, *command, *owner;
   PyObject *watched; /* (dicts, lists, arrays, others) of watch.py, or NULL */
+  WatchedDict *dicts; /* its first part */
+  Py_ssize_t dict_count;
   unsigned long long steps, fallbacks;
 } Caller;
 
@@ -60,15 +68,39 @@ static int place_is_the_same(PyObject *where, PyObject *name, PyObject *value) {
   return found == value;
 }
 
-/* Whether all that is watched is the same, so that what was compiled is what the law is. */
-static int is_as_it_was(PyObject *watched) {
-  if (watched == NULL) return 1;
-  PyObject *parts = PyTuple_GET_ITEM(watched, 0);
-  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
-    PyObject *part = PyList_GET_ITEM(parts, i);
-    if (!dict_is_the_same(PyTuple_GET_ITEM(part, 0), PyTuple_GET_ITEM(part, 1), PyTuple_GET_ITEM(part, 2))) return 0;
+/* A number that every change of a dict changes, to one that no dict had before; 0 where this Python has none. Python
+   3.12 made it internal: there the dicts are looked through. */
+static uint64_t version_of(PyObject *dict) {
+#if PY_VERSION_HEX < 0x030C0000
+  return ((PyDictObject *)dict)->ma_version_tag;
+#else
+  (void)dict;
+  return 0;
+#endif
+}
+
+static int array_is_the_same(PyArrayObject *array, PyArrayObject *copy) {
+  npy_intp bytes = PyArray_ITEMSIZE(copy);
+  if (PyArray_NDIM(array) != PyArray_NDIM(copy)) return 0;
+  for (int axis = 0; axis < PyArray_NDIM(copy); axis++) {
+    if (PyArray_DIM(array, axis) != PyArray_DIM(copy, axis)) return 0;
+    bytes *= PyArray_DIM(copy, axis);
   }
-  parts = PyTuple_GET_ITEM(watched, 1);
+  return memcmp(PyArray_DATA(array), PyArray_DATA(copy), (size_t)bytes) == 0;
+}
+
+/* Whether all that is watched is the same, so that what was compiled is what the law is. */
+static int is_as_it_was(Caller *self) {
+  PyObject *watched = self->watched;
+  if (watched == NULL) return 1;
+  for (Py_ssize_t i = 0; i < self->dict_count; i++) {
+    PyObject *part = self->dicts[i].part, *dict = PyTuple_GET_ITEM(part, 0);
+    const uint64_t version = version_of(dict);
+    if (version != 0 && version == self->dicts[i].version) continue;
+    if (!dict_is_the_same(dict, PyTuple_GET_ITEM(part, 1), PyTuple_GET_ITEM(part, 2))) return 0;
+    self->dicts[i].version = version;
+  }
+  PyObject *parts = PyTuple_GET_ITEM(watched, 1);
   for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
     PyObject *list = PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 0), *values = PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 1);
     if (PyList_GET_SIZE(list) != PyTuple_GET_SIZE(values)) return 0;
@@ -77,10 +109,8 @@ static int is_as_it_was(PyObject *watched) {
   }
   parts = PyTuple_GET_ITEM(watched, 2);
   for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
-    PyArrayObject *array = (PyArrayObject *)PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 0);
-    PyArrayObject *copy = (PyArrayObject *)PyTuple_GET_ITEM(PyList_GET_ITEM(parts, i), 1);
-    if (PyArray_NBYTES(array) != PyArray_NBYTES(copy)) return 0;
-    if (memcmp(PyArray_DATA(array), PyArray_DATA(copy), (size_t)PyArray_NBYTES(copy)) != 0) return 0;
+    PyObject *part = PyList_GET_ITEM(parts, i);
+    if (!array_is_the_same((PyArrayObject *)PyTuple_GET_ITEM(part, 0), (PyArrayObject *)PyTuple_GET_ITEM(part, 1))) return 0;
   }
   parts = PyTuple_GET_ITEM(watched, 3);
   for (Py_ssize_t i = 0; i < PyList_GET_SIZE(parts); i++) {
@@ -149,7 +179,7 @@ static PyObject *call(PyObject *object, PyObject *const *arguments, size_t flags
     double *s = workspace_take(&space, self->state);
     double *m = workspace_take(&space, self->measured[0] + self->measured[1] + self->measured[2]);
     double *out = workspace_take(&space, self->joints + self->state), *next = m;
-    int right = is_as_it_was(self->watched) && isfinite(t) && take(arguments[1], self->joints, q) && take(arguments[2], self->joints, v) &&
+    int right = is_as_it_was(self) && isfinite(t) && take(arguments[1], self->joints, q) && take(arguments[2], self->joints, v) &&
                 take(arguments[3], self->state, s);
     for (int field = 0; right && field < FIELDS; field++) {
       if (self->measured[field] == 0) continue;
@@ -179,6 +209,7 @@ static int traverse(PyObject *object, visitproc visit, void *arg) {
   Py_VISIT(self->command);
   Py_VISIT(self->owner);
   Py_VISIT(self->watched);
+  for (Py_ssize_t i = 0; i < self->dict_count; i++) Py_VISIT(self->dicts[i].part);
   return 0;
 }
 
@@ -188,6 +219,9 @@ static int clear(PyObject *object) {
   Py_CLEAR(self->command);
   Py_CLEAR(self->owner);
   Py_CLEAR(self->watched);
+  const Py_ssize_t count = self->dict_count;
+  self->dict_count = 0;
+  for (Py_ssize_t i = 0; i < count; i++) Py_CLEAR(self->dicts[i].part);
   return 0;
 }
 
@@ -195,6 +229,7 @@ static void dealloc(PyObject *object) {
   PyObject_GC_UnTrack(object);
   clear(object);
   PyMem_Free(((Caller *)object)->values);
+  PyMem_Free(((Caller *)object)->dicts);
   Py_TYPE(object)->tp_free(object);
 }
 
@@ -227,7 +262,10 @@ static PyObject *make(PyTypeObject *type, PyObject *arguments, PyObject *keyword
   for (int field = 0; field < FIELDS; field++) self->doubles += self->measured[field] = measured[field];
   self->numbers = PyArray_DIM((PyArrayObject *)numbers, 0);
   self->values = PyMem_Malloc((size_t)(self->numbers + 1) * sizeof(double));
-  if (self->values == NULL) {
+  PyObject *dicts = watched == NULL ? NULL : PyTuple_GET_ITEM(watched, 0);
+  const Py_ssize_t count = dicts == NULL ? 0 : PyList_GET_SIZE(dicts);
+  self->dicts = PyMem_Calloc((size_t)count + 1, sizeof(WatchedDict));
+  if (self->values == NULL || self->dicts == NULL) {
     Py_DECREF(self);
     return PyErr_NoMemory();
   }
@@ -236,6 +274,8 @@ static PyObject *make(PyTypeObject *type, PyObject *arguments, PyObject *keyword
   Py_INCREF(self->command = command);
   Py_INCREF(self->owner = owner);
   Py_XINCREF(self->watched = watched);
+  self->dict_count = count;
+  for (Py_ssize_t i = 0; i < count; i++) Py_INCREF(self->dicts[i].part = PyList_GET_ITEM(dicts, i)); /* version 0: unseen */
   return (PyObject *)self;
 }
 

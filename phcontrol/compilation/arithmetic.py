@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from phcontrol import _validation
+from phcontrol._smooth import vanishes
 from phcontrol.compilation import eigenvalues, linear_algebra
 from phcontrol.compilation.symbol import (
     TRACING,
@@ -25,8 +26,7 @@ from phcontrol.compilation.symbol import (
     refuse,
     symbols,
 )
-from phcontrol.mechanics import kernels
-from phcontrol.mechanics._lapack import FREE
+from phcontrol.mechanics import _numpy_frames, kernels
 
 
 def _array(values: Any, dtype: Any = None, **options: Any) -> Any:
@@ -245,21 +245,17 @@ class _Float(metaclass=_FloatLike):
     dtype = np.dtype(np.float64)  # what NumPy takes it for
 
 
-def _damping_root(stiffness_root: Any, mobility: Any, ratio: float) -> Any:
-    """Return X = (2ζ)^½ L U S^(−¼), with LᵀBL = U S Uᵀ."""
-    squares, modes, _ = eigenvalues.dsyev(stiffness_root.T.dot(mobility).dot(stiffness_root))
-    scale = _MATH["sqrt"](2.0 * ratio) / _NUMPY["maximum"](squares, FREE * squares[-1]) ** 0.25
-    return stiffness_root.dot(modes) * scale
-
-
 def _kernels() -> dict[str, Any]:
     names = ("factor", "solve", "solve_transposed", "relative_factor_rate", "transformed_rate", "momentum_derivative",
              "feedback")  # fmt: skip
     found = {name: _either(getattr(kernels, name), getattr(linear_algebra, name)) for name in names}
+    frames = ("frame_wrench", "task_space", "without_task", "hand_damping", "damping_root", "right_inverse_motion",
+              "curve_point")  # fmt: skip
+    found |= {name: _either(getattr(kernels, name), getattr(_numpy_frames, name)) for name in frames}
     plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
     return found | {
         "finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size),
-        "damping_root": _either(kernels.damping_root, _damping_root),
+        "smallest_mode": _either(kernels.smallest_mode, eigenvalues.smallest_mode),
     }
 
 
@@ -271,7 +267,9 @@ _KERNELS = _kernels()
 _LAPACK: dict[str, Any] = {
     "dgetrf": linear_algebra.dgetrf,
     "dgetrs": linear_algebra.dgetrs,
+    "dpotrf": linear_algebra.dpotrf,
     "dtrtri": linear_algebra.dtrtri,
+    "dtrtrs": linear_algebra.dtrtrs,
     "dpotrs": linear_algebra.dpotrs,
     "dsyev": eigenvalues.dsyev,
 }
@@ -307,6 +305,7 @@ STAND_INS: list[tuple[Any, Any]] = [
     *((getattr(kernels, name), function) for name, function in _KERNELS.items()),
     *((getattr(lapack, name), function) for name, function in _LAPACK.items()),
     *((getattr(math, name), function) for name, function in _MATH.items()),
+    (vanishes, _Function(vanishes, lambda part: type(part) is not Symbol and vanishes(part))),
     *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector, _validation.gain)),
 ]
 """What a module holds, and what stands in for it while its law is traced."""

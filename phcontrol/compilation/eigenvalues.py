@@ -18,7 +18,7 @@ _SWEEPS = {2: 1, 3: 5, 4: 6, 5: 6, 6: 6}
 LEFT = 1e-13
 """Of the diagonal, what may be left beside it: eigenvalues are then true to its square."""
 _MORE = 3  # sweeps in C, which ends when nothing is left to turn
-_LEAST = 1e-34  # the square of an entry, of the product of those on the diagonal, below which it counts as 0
+_LEAST = 1e-33  # the square of an entry, of the product of those on the diagonal, below which it counts as 0
 _TINY = 1e-300  # under a root, so that what is not turned is not divided by 0
 
 
@@ -27,7 +27,8 @@ class Eigenvalues:
 
     Args:
         size: n.
-        given: the lower triangle, row by row, a vector of ``casadi.SX``.
+        given: the lower triangle, row by row, whether it is asked for, and what the eigenvalues are where it is not: a
+            vector of ``casadi.SX``.
     """
 
     def __init__(self, size: int, given: Any) -> None:
@@ -67,23 +68,38 @@ def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
     """
     if not is_symbolic(matrix):
         return lapack.dsyev(matrix, compute_v=compute_v, **options)
-    n = len(matrix)
-    if options or n not in _SWEEPS:
-        refuse(f"eigenvalues of a matrix of {n} rows, or with options, are not traced")
-    lower = [matrix[i, j] for i in range(n) for j in range(i + 1)]
-    guards = next((entry.guards for entry in lower if type(entry) is Symbol), None)
-    if guards is None:
+    if options:
+        refuse("eigenvalues of a matrix with options are not traced")
+    if not any(type(entry) is Symbol for entry in matrix.ravel()):
         return lapack.dsyev(np.array(matrix, dtype=float), compute_v=compute_v)
-    given = casadi.vertcat(*(_expression(entry) for entry in lower))
+    values, columns = _decomposed(matrix, 1.0, 0.0)
+    return values, columns, 0
+
+
+def smallest_mode(matrix: Any, doubt: Any, otherwise: Any) -> tuple[Any, Any]:
+    """Return the smallest eigenvalue and its vector as ``kernels.smallest_mode`` does, only where ``doubt`` > 0."""
+    values, columns = _decomposed(matrix, doubt, otherwise)
+    return values[0], columns[:, 0]
+
+
+def _decomposed(matrix: Any, doubt: Any, otherwise: Any) -> tuple[SymbolArray, SymbolArray]:
+    n = len(matrix)
+    if n not in _SWEEPS:
+        refuse(f"eigenvalues of a matrix of {n} rows are not traced")
+    lower = [matrix[i, j] for i in range(n) for j in range(i + 1)]
+    guards = next(entry.guards for entry in (*lower, doubt) if type(entry) is Symbol)
+    needed, asked = _expression(doubt) > 0.0, float(sample_of(doubt) > 0.0)
+    given = casadi.vertcat(*(_expression(entry) for entry in lower), needed, _expression(otherwise))
     block = Eigenvalues(n, given)
     guards.blocks.append(block)
-    samples = np.array(decomposition(n)(np.array([sample_of(entry) for entry in lower]))).ravel()
+    numbers = np.array([*(sample_of(entry) for entry in lower), asked, sample_of(otherwise)])
+    samples = np.array(decomposition(n)(numbers)).ravel()
     made = [
         Symbol(one, float(sample), guards) for one, sample in zip(casadi.vertsplit(block.results), samples, strict=True)
     ]
     guards.bounds.append(made[-1].expression <= LEFT**2)
     columns: SymbolArray = symbols(made[n:-1]).reshape(n, n).T.view(SymbolArray)
-    return symbols(made[:n]), columns, 0
+    return symbols(made[:n]), columns
 
 
 def written_out(expressions: Any) -> Any:
@@ -111,12 +127,13 @@ def _rounds(n: int) -> list[list[tuple[int, int]]]:
 
 @functools.cache
 def decomposition(n: int) -> Any:
-    """Return the function of a lower triangle's entries: eigenvalues, columns of vectors, and what is left beside.
+    """Return the function of what ``Eigenvalues`` is given: eigenvalues, columns of vectors, and what is left beside.
 
     The last is the square of the off-diagonal entries over that of the diagonal. It is what ``c_text`` is in C.
     """
-    given = casadi.SX.sym("A", n * (n + 1) // 2)
-    entries = iter(casadi.vertsplit(given))
+    given = casadi.SX.sym("A", n * (n + 1) // 2 + 2)
+    *lower, needed, otherwise = casadi.vertsplit(given)
+    entries = iter(lower)
     A = [[next(entries) for _ in range(i + 1)] for i in range(n)]
     V: list[list[Any]] = [[casadi.SX(float(i == j)) for j in range(n)] for i in range(n)]  # V[k]: column k
 
@@ -151,7 +168,9 @@ def decomposition(n: int) -> Any:
             values[i], values[i + 1] = casadi.fmin(values[i], values[i + 1]), casadi.fmax(values[i], values[i + 1])
             V[i], V[i + 1] = _either(falls, V[i + 1], V[i]), _either(falls, V[i], V[i + 1])
     vectors = [entry for column in V for entry in column]
-    return casadi.Function("eigenvalues", [given], [casadi.vertcat(*values, *vectors, left / (size + _TINY))])
+    found = [casadi.if_else(needed, value, otherwise) for value in values]
+    rest = [casadi.if_else(needed, entry, 0.0) for entry in (*vectors, left / (size + _TINY))]
+    return casadi.Function("eigenvalues", [given], [casadi.vertcat(*found, *rest)])
 
 
 def _turned(first: list[Any], second: list[Any], cosine: Any, sine: Any, has_zeros: bool) -> tuple[Any, Any]:
@@ -172,71 +191,63 @@ def _either(condition: Any, yes: list[Any], no: list[Any]) -> list[Any]:
 def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
     """Return a C function ``name(given, out)`` that decomposes matrices of n rows, and its operations at most.
 
+    A sweep is written out, so that the roots and quotients of pairs that do not touch each other go on side by side.
+
     Args:
         name: of the function.
         n: rows.
         literal: writes a number as C.
         suffix: of the functions of <math.h>.
     """
-    rounds, half, most = _rounds(n), n // 2, _SWEEPS[n] + _MORE
-    table = ", ".join("{" + ", ".join(f"{{{p}, {q}}}" for p, q in pairs) + "}" for pairs in rounds)
+    rounds, most, size = _rounds(n), _SWEEPS[n] + _MORE, n * (n + 1) // 2
     one, four, tiny, least = literal(1.0), literal(4.0), literal(_TINY), literal(_LEAST)
-    text = f"""static void {name}(const real *given, real *out) {{
-  static const unsigned char pairs[{len(rounds)}][{half}][2] = {{{table}}};
-  real A[{n}][{n}], V[{n}][{n}], left = 0, size = 0;
-  int i, j, k, turn, sweep, busy = 1;
-  for (i = 0; i < {n}; i++) {{
-    for (j = 0; j <= i; j++) A[i][j] = A[j][i] = *given++;
+    pairs = [(q, p) for q in range(n) for p in range(q)]
+    small = " && ".join(f"{_at(q, p)} * {_at(q, p)} <= {least} * fabs{suffix}(D{p} * D{q})" for q, p in pairs)
+    small = small.replace("D", "diagonal_").replace(" && ", " &&\n        ")
+    lines = [f"const real {', '.join(f'diagonal_{i} = {_at(i, i)}' for i in range(n))};", f"if ({small})\n      break;"]
+    for turns in rounds:
+        for k, (p, q) in enumerate(turns):
+            lines.append(f"a = {_at(q, p)}, d = {_at(q, q)} - {_at(p, p)};")
+            lines.append(
+                f"t{k} = (a + a) / (d + copysign{suffix}(sqrt{suffix}(d * d + {four} * (a * a) + {tiny}), d));"
+            )
+            lines.append(f"c{k} = {one} / sqrt{suffix}({one} + t{k} * t{k}), s{k} = t{k} * c{k};")
+            lines.append(f"{_at(p, p)} -= t{k} * a, {_at(q, q)} += t{k} * a, {_at(q, p)} = 0;")
+        for k, (p, q) in enumerate(turns):
+            for other in range(n):
+                if other not in (p, q):
+                    x, y = _at(other, p), _at(other, q)
+                    lines.append(f"x = {x}, y = {y}, {x} = c{k} * x - s{k} * y, {y} = s{k} * x + c{k} * y;")
+            lines.append(f"TURN(V[{p}], V[{q}], c{k}, s{k})")
+    sweep = "\n    ".join(lines)
+    values = ", ".join(_at(i, i) for i in range(n))
+    beside = " + ".join(f"{_at(q, p)} * {_at(q, p)}" for q, p in pairs)
+    scalars = ", ".join(f"{letter}{k}" for k in range(n // 2) for letter in "tcs")
+    text = f"""#define TURN(v, w, c, s) \\
+  for (k = 0; k < {n}; k++) {{ \\
+    const real x_ = v[k], y_ = w[k]; \\
+    v[k] = c * x_ - s * y_; \\
+    w[k] = s * x_ + c * y_; \\
+  }}
+static void {name}(const real *given, real *out) {{
+  real A[{size}], V[{n}][{n}], a, d, x, y, size = 0, {scalars};
+  int i, j, k, sweep;
+  if (!(given[{size}] != 0)) {{ /* not asked for */
+    for (i = 0; i <= {n + n * n}; i++) out[i] = i < {n} ? given[{size + 1}] : 0;
+    return;
+  }}
+  for (i = 0; i < {size}; i++) A[i] = given[i];
+  for (i = 0; i < {n}; i++)
     for (j = 0; j < {n}; j++) V[i][j] = (real)(i == j);
+  for (sweep = 0; sweep < {most}; sweep++) {{
+    {sweep}
   }}
-  for (sweep = 0; busy && sweep < {most}; sweep++) {{
-    busy = 0;
-    for (turn = 0; turn < {len(rounds)}; turn++) {{
-      real cosine[{half}], sine[{half}], first[{half}], second[{half}];
-      int turned[{half}];
-      for (i = 0; i < {half}; i++) {{ /* pairs that do not touch each other */
-        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
-        const real a = A[q][p], f = A[p][p], g = A[q][q], d = g - f;
-        turned[i] = !(a * a <= {least} * fabs{suffix}(f * g)); /* smaller ones change nothing, and cost time */
-        if (!turned[i]) continue;
-        busy = 1;
-        const real root = sqrt{suffix}(d * d + {four} * (a * a) + {tiny});
-        const real tangent = (a + a) / (d + copysign{suffix}(root, d));
-        cosine[i] = {one} / sqrt{suffix}({one} + tangent * tangent);
-        sine[i] = tangent * cosine[i];
-        first[i] = f - tangent * a;
-        second[i] = g + tangent * a;
-      }}
-      for (i = 0; i < {half}; i++) {{
-        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
-        if (!turned[i]) continue;
-        for (k = 0; k < {n}; k++) {{
-          const real x = A[p][k], y = A[q][k], v = V[p][k], w = V[q][k];
-          A[p][k] = cosine[i] * x - sine[i] * y;
-          A[q][k] = sine[i] * x + cosine[i] * y;
-          V[p][k] = cosine[i] * v - sine[i] * w;
-          V[q][k] = sine[i] * v + cosine[i] * w;
-        }}
-      }}
-      for (k = 0; k < {n}; k++)
-        for (i = 0; i < {half}; i++) {{
-          const int p = pairs[turn][i][0], q = pairs[turn][i][1];
-          if (!turned[i]) continue;
-          const real x = A[k][p], y = A[k][q];
-          A[k][p] = cosine[i] * x - sine[i] * y;
-          A[k][q] = sine[i] * x + cosine[i] * y;
-        }}
-      for (i = 0; i < {half}; i++) {{
-        const int p = pairs[turn][i][0], q = pairs[turn][i][1];
-        if (turned[i]) A[p][p] = first[i], A[q][q] = second[i];
-        A[p][q] = A[q][p] = 0;
-      }}
+  {{
+    const real values[{n}] = {{{values}}};
+    for (i = 0; i < {n}; i++) {{
+      out[i] = values[i];
+      size += values[i] * values[i];
     }}
-  }}
-  for (i = 0; i < {n}; i++) {{
-    out[i] = A[i][i];
-    size += A[i][i] * A[i][i];
-    for (j = 0; j < i; j++) left += A[i][j] * A[i][j];
   }}
   for (j = {n} - 1; j > 0; j--)
     for (i = 0; i < j; i++) {{
@@ -251,7 +262,14 @@ def c_text(name: str, n: int, literal: Any, suffix: str) -> tuple[str, int]:
       }}
     }}
   for (i = 0; i < {n * n}; i++) out[{n} + i] = V[i / {n}][i % {n}];
-  out[{n + n * n}] = left / (size + {tiny});
+  out[{n + n * n}] = ({beside}) / (size + {tiny});
 }}
+#undef TURN
 """
-    return text, most * len(rounds) * half * (16 + 18 * n) + n * (n + 4)
+    return text, most * len(pairs) * (20 + 12 * n) + n * (n + 4)
+
+
+def _at(i: int, j: int) -> str:
+    """Return the place of an entry in a lower triangle, as C writes it."""
+    i, j = max(i, j), min(i, j)
+    return f"A[{i * (i + 1) // 2 + j}]"

@@ -160,6 +160,23 @@ def dgetrs(factors: Any, order: Any, right: Any, *rest: Any, **options: Any) -> 
     return substitute(Elimination(factors, list(order)), right), 0
 
 
+def dpotrf(matrix: Any, *rest: Any, **options: Any) -> Any:
+    """Return T of M = T Tᵀ, and 0, or 1 where M is not positive definite at the sample."""
+    if not is_symbolic(matrix):
+        return lapack.dpotrf(matrix, *rest, **options)
+    try:
+        return factor(matrix), 0
+    except ArithmeticError:
+        return matrix, 1
+
+
+def dtrtrs(T: Any, right: Any, lower: int, transposed: int = 0) -> Any:
+    """Return T⁻¹b or T⁻ᵀb of a lower triangular T, and 0."""
+    if not (is_symbolic(T) or is_symbolic(right)):
+        return lapack.dtrtrs(T, right, lower, transposed)
+    return (solve_transposed if transposed else solve)(T, right), 0
+
+
 def dtrtri(T: Any, *rest: Any, **options: Any) -> Any:
     """Return the inverse of a lower triangular matrix, and 0."""
     return (solve(T, np.eye(len(T))), 0) if is_symbolic(T) else lapack.dtrtri(T, *rest, **options)

@@ -97,6 +97,7 @@ class LedAim(Aim):
         velocity: q̇_ref, shape (n,) [rad/s].
         acceleration: q̈_ref, likewise [rad/s²].
         missed: what q̇_ref lacks of the goal's twist near a singularity; None for nothing.
+        error_velocity: v_e, where it is known.
     """
 
     reference_velocity: Array
@@ -110,10 +111,11 @@ class LedAim(Aim):
         velocity: Array,
         acceleration: Array,
         missed: Array | None = None,
+        error_velocity: Array | None = None,
     ) -> None:
         self.x, self.potential, self.goal, self.missed = x, potential, goal, missed
         self.reference_velocity, self.reference_acceleration = velocity, acceleration
-        self.velocity = x.velocity - velocity
+        self.velocity = x.velocity - velocity if error_velocity is None else error_velocity
 
     def momentum_shift_rate(self) -> Array:
         """Return −d/dt(Tᵀq̇_ref), shape (n,)."""

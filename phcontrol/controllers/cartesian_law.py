@@ -270,12 +270,11 @@ class CartesianLaw(TankedLaw, DampedLaw):
 
     def _designed_factor(self, t: float, x: MechanicalState) -> Array:
         linear, turning = self._roots if self.variation is None else self._roots_at(t, self.variation)
-        root: Array = np.zeros((self._rows, self._rows))
-        root[:3, :3] = linear
-        if self._rows == 6:
-            root[3:, 3:] = x.frame_kinematics(self.frame).rotation.dot(turning)
         mobility = x.task_space(self.frame, self._rows).mobility
-        return kernels.damping_root(root, mobility, self.damping_ratio)
+        if self._rows == 3:
+            return kernels.damping_root(linear, None, None, mobility, self.damping_ratio)
+        rotation = x.frame_kinematics(self.frame).rotation
+        return kernels.damping_root(linear, turning, rotation, mobility, self.damping_ratio)
 
     def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array]:
         """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any."""
@@ -292,11 +291,9 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if known is not None and known[1] is velocity and (self.variation is None or known[0] == t):
             return known[2]  # type: ignore[no-any-return]
         task, factor = x.task_space(self.frame, self._rows), self._damping_factor(t, x)
-        twist = task.jacobian.dot(velocity)
-        wrench = factor.dot(twist.dot(factor))
-        wrench -= self.nullspace_damping * task.solve_mobility(twist)
-        force: Array = wrench.dot(task.jacobian)
-        force += self.nullspace_damping * x.mass_matrix.dot(velocity)
+        force = kernels.hand_damping(
+            task.jacobian, factor, task.regular_mobility, x.mass_matrix, velocity, self.nullspace_damping
+        )
         x.kept[self, "damping"] = t, velocity, force
         return force
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from phcontrol._validation import Array
+from phcontrol.controllers.aim import LedAim
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.controllers.shaping import Shaping
@@ -55,10 +56,13 @@ class DampedLaw(ShapedLaw):
         )
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
-        """State s = −q̇_ref and the effort −∂Ψ/∂q − Δ v_e."""
+        """State s = −q̇_ref and the effort −∂Ψ/∂q − Δ v_e; in the coriolis form the whole force, without forming C."""
         aim = self.aim(t, x)
         known = self._measurement(measured, "external_force") if self.cancels_external_force else None
         effort = self.damping_force(t, x, aim.velocity) + aim.gradient
+        if isinstance(aim, LedAim) and self.interconnection == "coriolis":
+            leading = x.feedforward(aim.reference_velocity, aim.reference_acceleration)
+            return Shaping(leading - effort, cancelled_force=known, complete=True)
         return Shaping(-effort, *aim.shift(), cancelled_force=known)
 
     def passive_port(self, t: float, x: MechanicalState, state: Array, measured: Measured = NOTHING) -> PassivePort:

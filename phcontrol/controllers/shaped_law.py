@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from phcontrol.potentials.potential import Potential, Sum
 from phcontrol.sensors.measured import Measured
 from phcontrol.setpoints.live_frame_path import LiveFramePath, Place
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
-from phcontrol.trajectories.resolved_motion import missed_share, resolved_motion
+from phcontrol.trajectories.resolved_motion import NOTHING, missed_share, resolved_motion
 from phcontrol.trajectories.trajectory import Trajectory, check_trajectory
 
 _IN_REACH = 1e-4  # how near counts as there [m, rad]
@@ -50,6 +50,23 @@ def pose_of(reference: FrameReference) -> Pose:
 def out_of_reach(frame: str, by: Deviation) -> str:
     """Return the words for a goal that the hand cannot get to."""
     return f"the goal of '{frame}' is out of reach, by {by}: the hand goes as near as its spring lets it"
+
+
+class _Led(NamedTuple):
+    """What a path makes of a state: goal, q̇_ref, q̈_ref, what is missed, and v_e, as ``LedAim`` takes them."""
+
+    goal: Pose
+    velocity: Array
+    acceleration: Array
+    missed: Array | None
+    error_velocity: Array
+
+
+def _led(x: MechanicalState, path: FramePath, t: float) -> _Led:
+    desired = path.at(t)
+    motion = resolved_motion(x, path.frame, desired)
+    missed = None if motion.missed is NOTHING[len(motion.missed)] else motion.missed
+    return _Led(pose_of(desired), motion.velocity, motion.acceleration, missed, x.velocity - motion.velocity)
 
 
 class _Reach:
@@ -161,10 +178,10 @@ class ShapedLaw(Controller):
         if self.reference is None:
             return Aim(x, shaped)
         if self._path is not None:
-            pose = self._path.at(t)
-            motion = resolved_motion(x, self._path.frame, pose)
-            missed = motion.missed if motion.missed.any() else None
-            return LedAim(x, shaped, pose_of(pose), motion.velocity, motion.acceleration, missed)
+            known: tuple[float, _Led] | None = x.kept.get((self, "led"))
+            if known is None or known[0] is not t:
+                known = x.kept[self, "led"] = t, _led(x, self._path, t)
+            return LedAim(x, shaped, *known[1])
         assert self._trajectory is not None
         desired = self._trajectory.at(t)
         return LedAim(x, shaped, desired.position, desired.velocity, desired.acceleration)

@@ -47,41 +47,6 @@ static void symmetrise(npy_intp n, double *C) {
     for (npy_intp j = 0; j <= i; j++) C[i * n + j] = C[j * n + i] = C[i * n + j] + C[j * n + i];
 }
 
-/* Row p times c less row q times s, and row q times c and row p times s, of rows that are `step` apart by entries. */
-static void turn(double *first, double *second, npy_intp step, npy_intp n, double c, double s) {
-  for (npy_intp i = 0; i < n; i++) {
-    double *a = first + i * step, *b = second + i * step;
-    const double x = *a, y = *b;
-    *a = c * x - s * y;
-    *b = s * x + c * y;
-  }
-}
-
-/* Diagonal of S <- the eigenvalues of a symmetric S, and the columns of X are turned along: X <- X U, S = U diag U^T.
-   Jacobi's rotations, which for so small matrices are as fast as any method. */
-static void diagonalise(npy_intp n, double *S, double *X) {
-  for (int sweep = 0; sweep < 40; sweep++) {
-    double off = 0.0, on = 0.0;
-    for (npy_intp p = 0; p < n; p++) {
-      on += S[p * n + p] * S[p * n + p];
-      for (npy_intp q = p + 1; q < n; q++) off += S[p * n + q] * S[p * n + q];
-    }
-    if (!(off > 1e-33 * on)) return; /* NaN too */
-    for (npy_intp p = 0; p < n; p++)
-      for (npy_intp q = p + 1; q < n; q++) {
-        const double entry = S[p * n + q];
-        if (entry == 0.0) continue;
-        const double ratio = 0.5 * (S[q * n + q] - S[p * n + p]) / entry;
-        const double t = (ratio < 0.0 ? -1.0 : 1.0) / (fabs(ratio) + sqrt(ratio * ratio + 1.0));
-        const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
-        turn(S + p * n, S + q * n, 1, n, c, s);
-        turn(S + p, S + q, n, n, c, s);
-        S[p * n + q] = S[q * n + p] = 0.0;
-        turn(X + p, X + q, n, n, c, s);
-      }
-  }
-}
-
 /* --- what Python calls -------------------------------------------------------------------------------- */
 
 PyDoc_STRVAR(factor_doc, "factor(mass_matrix)\n--\n\nReturn T, lower triangular, M = T T^T.");
@@ -277,49 +242,6 @@ static PyObject *feedback(PyObject *module, PyObject *const *arguments, Py_ssize
   return result;
 }
 
-PyDoc_STRVAR(damping_root_doc,
-             "damping_root(stiffness_root, mobility, ratio)\n--\n\n"
-             "Return X = (2 ratio)^(1/2) L U S^(-1/4), with L^T B L = U S U^T.");
-static PyObject *damping_root(PyObject *module, PyObject *const *arguments, Py_ssize_t given) {
-  npy_intp n = size_of(arguments, given, 3);
-  Workspace space;
-  if (n < 0 || !is_doubles(arguments[0], 2, n, "stiffness_root") || !is_doubles(arguments[1], 2, n, "mobility"))
-    return NULL;
-  const double ratio = PyFloat_AsDouble(arguments[2]);
-  if (ratio == -1.0 && PyErr_Occurred()) return NULL;
-  if (!workspace_open(&space, 4 * n * n)) return NULL;
-  double *L = workspace_take(&space, n * n), *B = workspace_take(&space, n * n), *S = workspace_take(&space, n * n),
-         *product = workspace_take(&space, n * n), *out;
-  PyObject *result = new_matrix(n, &out);
-  if (result != NULL) {
-    read_matrix(arguments[0], n, L);
-    read_matrix(arguments[1], n, B);
-    for (npy_intp i = 0; i < n; i++) /* B L */
-      for (npy_intp j = 0; j < n; j++) {
-        double sum = 0.0;
-        for (npy_intp k = 0; k < n; k++) sum += B[i * n + k] * L[k * n + j];
-        product[i * n + j] = sum;
-      }
-    for (npy_intp i = 0; i < n; i++) /* L^T B L */
-      for (npy_intp j = 0; j <= i; j++) {
-        double sum = 0.0;
-        for (npy_intp k = 0; k < n; k++) sum += L[k * n + i] * product[k * n + j];
-        S[i * n + j] = S[j * n + i] = sum;
-      }
-    diagonalise(n, S, L);
-    double largest = 0.0;
-    for (npy_intp i = 0; i < n; i++)
-      if (!(S[i * n + i] <= largest)) largest = S[i * n + i];
-    for (npy_intp j = 0; j < n; j++) {
-      const double square = S[j * n + j] < 1e-12 * largest ? 1e-12 * largest : S[j * n + j];
-      const double scale = sqrt(2.0 * ratio) / sqrt(sqrt(square));
-      for (npy_intp i = 0; i < n; i++) out[j * n + i] = L[i * n + j] * scale; /* column by column */
-    }
-  }
-  workspace_close(&space);
-  return result;
-}
-
 PyDoc_STRVAR(finite_copy_doc,
              "finite_copy(value, size)\n--\n\n"
              "Return a copy of a plain float64 vector of finite numbers, None for anything else.");
@@ -354,7 +276,6 @@ static PyMethodDef methods[] = {METHOD(factor),
                                 METHOD(transformed_rate),
                                 METHOD(momentum_derivative),
                                 METHOD(feedback),
-                                METHOD(damping_root),
                                 METHOD(finite_copy),
                                 {NULL, NULL, 0, NULL}};
 

@@ -13,8 +13,7 @@ from phcontrol._validation import Array
 from phcontrol.mechanics.derivatives import lower_half
 
 _FLOAT = np.dtype(np.float64)
-FREE = 1e-12  # of the largest squared frequency of a mode, below which it counts as that
-_dpotrf, _dtrtrs, _dtrtri, _dsygst, _dsyev = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst, lapack.dsyev
+_dpotrf, _dtrtrs, _dtrtri, _dsygst = lapack.dpotrf, lapack.dtrtrs, lapack.dtrtri, lapack.dsygst
 
 
 @lru_cache
@@ -72,14 +71,6 @@ def feedback(force: Array, stiffness: Array, error: Array, damping: Array, veloc
     result: Array = force - stiffness.dot(error)
     result -= damping.dot(velocity - desired)
     return result
-
-
-def damping_root(stiffness_root: Array, mobility: Array, ratio: float) -> Array:
-    """Return X = (2ζ)^½ L U S^(−¼), with LᵀBL = U S Uᵀ."""
-    squares, modes, _ = _dsyev(stiffness_root.T.dot(mobility).dot(stiffness_root))
-    root: Array = stiffness_root.dot(modes)
-    root *= math.sqrt(2.0 * ratio) / np.maximum(squares, FREE * squares[-1]) ** 0.25
-    return root
 
 
 def finite_copy(value: Any, size: int) -> Array | None:

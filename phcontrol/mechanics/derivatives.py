@@ -14,8 +14,6 @@ from scipy.linalg import lapack
 
 from phcontrol._validation import Array
 
-_dgetrf, _dgetrs = lapack.dgetrf, lapack.dgetrs
-
 
 def lower_half(matrix: Array) -> Array:
     """Return Φ(X): the lower triangle of X (or of each X in a stack) with its diagonal halved."""
@@ -154,28 +152,6 @@ def right_inverse(matrix: Array, regularisation: Array | None = None) -> Array:
     except np.linalg.LinAlgError:
         result = np.full_like(matrix.T, np.nan)
     return result
-
-
-def right_inverse_motion(
-    matrix: Array, rate: Array, square: Array, square_rate: Array, desired: Array, desired_rate: Array
-) -> tuple[Array, Array]:
-    """Return s = BᵀA⁻¹w and ṡ along Ḃ, Ȧ and ẇ, shape (n,) each; NaN where A is singular.
-
-    Args:
-        matrix: B, shape (m, n).
-        rate: Ḃ.
-        square: A = BBᵀ + Q, damped or not (Q = 0), shape (m, m).
-        square_rate: Ȧ.
-        desired: w, shape (m,).
-        desired_rate: ẇ.
-    """
-    lu, pivots, info = _dgetrf(square)
-    if info:
-        nothing = np.full(matrix.shape[1], np.nan)  # a torque that is made of it is then refused as not finite
-        return nothing, nothing
-    y = _dgetrs(lu, pivots, desired)[0]
-    y_rate = _dgetrs(lu, pivots, desired_rate - square_rate.dot(y))[0]
-    return y.dot(matrix), y.dot(rate) + y_rate.dot(matrix)
 
 
 def right_inverse_derivative(

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lapack
 
+from phcontrol._smooth import vanishes
 from phcontrol._validation import Array, number, positive
 from phcontrol.mechanics import kernels
 
@@ -41,23 +42,32 @@ class SingularDamping:
         values, vectors = np.linalg.eigh(symmetric)
         self._root: Array = (vectors / np.sqrt(values)) @ vectors.T  # W^(−½)
         self._largest = float(values.max())
-        self._half: Array = (vectors * np.sqrt(values)) @ vectors.T  # W^½
+        self.half: Array = (vectors * np.sqrt(values)) @ vectors.T
+        """W^½."""
 
     def at(self, square: Array) -> tuple[float, Array] | None:
         """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
         if not self.level or self.is_surely_beyond(square, self.region):
             return None
-        values, vectors, _ = _dsyev(self._root @ square @ self._root)
-        depth = 1.0 - max(float(values[0]), 0.0) / self.region**2
-        if depth <= 0.0:
+        return self.of_mode(*kernels.smallest_mode(self.weighed(square), 1.0, 0.0))
+
+    def weighed(self, square: Array) -> Array:
+        """Return W^(−½)BBᵀW^(−½), whose smallest eigenvalue is σ²."""
+        weighed: Array = self._root @ square @ self._root
+        return weighed
+
+    def of_mode(self, value: float, vector: Array) -> tuple[float, Array] | None:
+        """Return what ``at`` does of σ² and of its direction."""
+        depth = max(0.0, 1.0 - max(value, 0.0) / self.region**2)
+        if vanishes(depth):
             return None
-        direction = self._root.dot(vectors[:, 0])
+        direction = self._root.dot(vector)
         slope: Array = (-2.0 * self.level**2 * depth / self.region**2) * np.multiply.outer(direction, direction)
         return self.level**2 * depth**2, slope
 
     def distance(self, square: Array) -> float:
         """Return σ at BBᵀ."""
-        values = _dsyev(self._root @ square @ self._root, compute_v=0)[0]
+        values = _dsyev(self.weighed(square), compute_v=0)[0]
         return math.sqrt(max(float(values[0]), 0.0))
 
     def regularised(self, square: Array, square_rate: Array, damped: tuple[float, Array]) -> tuple[Array, Array]:
@@ -72,13 +82,12 @@ class SingularDamping:
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
             return bool(determinant > 0.25 * distance**2 * self._largest * (a + d + f) ** 2)
         try:
-            columns = kernels.solve(kernels.factor(square), self._half)
+            columns = kernels.solve(kernels.factor(square), self.half)
         except ArithmeticError:
             return False
         return float(np.vdot(columns, columns)) * distance**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
 
 
-@lru_cache
 def frame_damping(
     rows: int,
     level: float = DAMPING_SHARE * SINGULAR_REGION,
@@ -86,5 +95,10 @@ def frame_damping(
     length: float = LENGTH,
 ) -> SingularDamping:
     """Return the damping of a frame's Jacobian of 3 or 6 rows, with W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²)."""
+    return _made(rows, level, region, length)
+
+
+@lru_cache
+def _made(rows: int, level: float, region: float, length: float) -> SingularDamping:
     angular = positive("length", length) ** -2
     return SingularDamping(level, region, np.diag([1.0] * 3 + [angular] * (rows - 3)))

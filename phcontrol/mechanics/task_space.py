@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from phcontrol._lazy import lazy
-from phcontrol._smooth import smooth
+from phcontrol._smooth import smooth, vanishes
 from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.singular_damping import SINGULAR_REGION, frame_damping
@@ -30,34 +30,35 @@ class TaskSpace:
         self._factor = factor
 
     @lazy
+    def _products(self) -> tuple[Array, Array, Array, float]:
+        return kernels.task_space(self.jacobian, self._factor, frame_damping(len(self.jacobian)).half)
+
+    @property
     def reduced(self) -> Array:
         """W = T⁻¹𝒥ᵀ, shape (n, m): ξ = Wᵀp̄."""
-        return kernels.solve(self._factor, self.jacobian.T)
+        return self._products[0]
 
-    @lazy
+    @property
     def mobility(self) -> Array:
         """B = 𝒥M⁻¹𝒥ᵀ = WᵀW, shape (m, m): the inverse of Λ, the frame's inertia, where that exists."""
-        mobility: Array = self.reduced.T.dot(self.reduced)
-        return mobility
+        return self._products[1]
 
-    @lazy
+    @property
     def square(self) -> Array:
         """𝒥𝒥ᵀ, shape (m, m)."""
-        square: Array = self.jacobian.dot(self.jacobian.T)
-        return square
+        return self._products[2]
 
     @lazy
     def damped(self) -> tuple[float, Array] | None:
         """What ``SingularDamping.at`` says of 𝒥𝒥ᵀ: None away from singularities."""
-        return None if self._is_clear else frame_damping(len(self.square)).at(self.square)
+        doubt = max(0.0, self._products[3] * SINGULAR_REGION**4 - 1.0)  # 0: σ is surely beyond
+        if vanishes(doubt):
+            return None
+        damping = frame_damping(len(self.jacobian))
+        return damping.of_mode(*kernels.smallest_mode(damping.weighed(self.square), doubt, SINGULAR_REGION**2))
 
     @lazy
-    def _is_clear(self) -> bool:
-        """Whether a cheap bound says that singularities are further than twice the region where 𝒥# is damped."""
-        return frame_damping(len(self.square)).is_surely_beyond(self.square, 2.0 * SINGULAR_REGION)
-
-    @lazy
-    def _regular_mobility(self) -> Array:
+    def regular_mobility(self) -> Array:
         """B + λ²(tr B / tr 𝒥𝒥ᵀ)W̃ with λ² of :class:`SingularDamping`: B itself away from singularities."""
         damped, square = self.damped, self.square
         if damped is None:
@@ -76,13 +77,17 @@ class TaskSpace:
         rest: Array = momentum - self.reduced.dot(self.solve_mobility(twist))
         return rest
 
+    def without_task_force(self, force: Array) -> Array:
+        """Return T P T⁻¹f = f − 𝒥ᵀB⁻¹𝒥M⁻¹f: the part of a force that does not accelerate the frame, shape (n,)."""
+        return kernels.without_task(self.jacobian, self._factor, self.reduced, self.regular_mobility, force)
+
     def solve_mobility(self, twist: Array) -> Array:
         """Return B⁻¹ξ = Λξ, damped near singularities, of a twist or of the columns of a matrix."""
         return kernels.solve_transposed(self._mobility_factor, kernels.solve(self._mobility_factor, twist))
 
     @lazy
     def _mobility_factor(self) -> Array:
-        return kernels.factor(self._regular_mobility)
+        return kernels.factor(self.regular_mobility)
 
     @lazy
     def projector(self) -> Array:
@@ -93,8 +98,12 @@ class TaskSpace:
 
     @property
     def clearance(self) -> float:
-        """How clear of singularities the posture is, from 0 where P is damped to 1 at twice that distance; smooth."""
-        return 1.0 if self._is_clear else smooth(self.singularity_distance / SINGULAR_REGION - 1.0)
+        """How clear of singularities the posture is: 0 where P is damped, 1 beyond 2.51 times that distance.
+
+        Smooth, for it is made of a bound that needs no eigenvalues: with Y the inverse of W^(−½)𝒥𝒥ᵀW^(−½) it is
+        (tr Y⁴)^(−⅛) ≤ σ ≤ 1.26 (tr Y⁴)^(−⅛).
+        """
+        return smooth(self._products[3] ** -0.25 / SINGULAR_REGION - 1.0)
 
     @property
     def manipulability(self) -> float:

@@ -8,10 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array, text
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.pose import FrameKinematics, Pose
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.potential import Goal, Potential
+
+_frame_wrench = kernels.frame_wrench
 
 WORLD = Pose(np.zeros(3), np.eye(3))
 """The world's own pose."""
@@ -94,7 +97,7 @@ class FramePotential(Potential):
     def gradient(self, x: MechanicalState, goal: Goal | None = None) -> Array:
         """Return 𝒥ᵀ times the wrench, shape (n,) [N·m]."""
         kinematics = x.frame_kinematics(self.frame)
-        gradient: Array = self.wrench(kinematics, goal)[self._rows].dot(kinematics.jacobian[self._rows])
+        gradient: Array = self.wrench(kinematics, goal).dot(kinematics.jacobian)
         return gradient
 
     def gradient_rate(
@@ -122,14 +125,12 @@ class FramePotential(Potential):
 
     def wrench(self, kinematics: FrameKinematics, goal: Goal | None = None) -> Array:
         """Return (K e + F, vee(B − Bᵀ)), shape (6,), at the frame's origin in the axes of the world [N, N·m]."""
-        wrench: Array = np.zeros(6)
-        if self._stiffness is not None:
-            wrench[:3] = self._stiffness.dot(kinematics.translation - self._pose(goal).translation)
-        if self._force is not None:
-            wrench[:3] += self._force
-        if self._turning is not None:
-            wrench[3:] = vee(self._turned_map(self._turning, goal).dot(kinematics.rotation.T))
-        return wrench
+        pose, turning = self._pose(goal), self._turning
+        turn: Array | None = pose.rotation
+        if goal is None and turning is not None:
+            turning, turn = self._turned, None
+        r, R = kinematics.translation, kinematics.rotation
+        return _frame_wrench(r, R, pose.translation, turn, self._stiffness, self._force, turning)
 
     def coordinates(self, x: MechanicalState, goal: Goal | None = None) -> Array:
         """Return (e, R_e), shape (12,), or e, shape (3,), or R_e, shape (9,)."""

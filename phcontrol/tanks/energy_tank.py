@@ -182,8 +182,7 @@ class EnergyTank:
         valve, fullness = self._valve(level), self._fullness(level)
         leak, opening = 2.0 * self.leak * valve * level, _capped(valve, power, largest)
         refill = _KEPT * (1.0 - fullness) * smooth(level / self.lowest)
-        if refill * damping_power > self.largest_power:
-            refill = self.largest_power / damping_power
+        refill *= self.largest_power / max(refill * damping_power, self.largest_power)
         returned = max(0.0, -opening * power)
         lost = leak + returned - (1.0 - fullness) * min(returned, largest)
         rate = (refill * damping_power - opening * power - lost) / charge if charge else 0.0
@@ -192,4 +191,4 @@ class EnergyTank:
 
 def _capped(valve: float, power: float, largest: float) -> float:
     """Return ω: the valve's, and such that no more than the largest power flows out."""
-    return valve * largest / power if power > largest else valve
+    return valve * (largest / max(power, largest))

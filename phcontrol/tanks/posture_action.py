@@ -34,8 +34,7 @@ class PostureAction(Action):
 
     def torque(self, t: float, x: MechanicalState) -> Array:
         """Return a = −c T P T⁻¹K_n(q − q_r), P and c of the frame's task space, shape (n,) [N·m]."""
-        pull = x.solve_factor(self.stiffness.dot(x.position_error(self.posture)))
         task = x.task_space(self.frame, self.rows)
-        torque: Array = x.factor.dot(task.without_task(pull))
-        torque *= -task.clearance
-        return torque
+        pull = task.without_task_force(self.stiffness.dot(x.position_error(self.posture)))
+        pull *= -task.clearance
+        return pull

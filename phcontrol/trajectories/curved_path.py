@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
-import numpy as np
-
-from phcontrol._validation import Array
+from phcontrol._validation import Array, number, positive
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.derivatives import cross_matrices
 from phcontrol.trajectories.frame_path import FrameReference, frame_name
-from phcontrol.trajectories.minimum_jerk import MinimumJerk
+from phcontrol.trajectories.minimum_jerk import minimum_jerk_step
 from phcontrol.trajectories.pose import shortest_turn
 
-Curve = Callable[[float], tuple[Array, Array, Array]]
-"""(r, φ), where the frame is [m] and how far it is turned [rad], shape (4,), with its two derivatives by s."""
+_curve_point = kernels.curve_point
+
+
+class Curve(NamedTuple):
+    """Where the frame is and how far it is turned, (r, φ)(s) [m, rad]: a line, and waves about it.
+
+    (r, φ) = (1, s, cos ks, cos 2ks, …, sin ks, sin 2ks, …) · table
+    """
+
+    table: Array
+    """Shape (2 + 2m, 4): (r, φ) at s = 0 but for the waves, its slope, and what the m cosines and m sines add."""
+    rate: float = 1.0
+    """k, of the slowest wave."""
+
+
 Timing = Callable[[float], tuple[float, float, float]]
 """s, ṡ, s̈ at a time [s]."""
 
@@ -26,11 +38,11 @@ class CurvedPath:
 
         ξ_d = (r′, φ′u)ṡ,   ξ̇_d = (r″, φ″u)ṡ² + (r′, φ′u)s̈,   R_d = exp(φ u×)R₀
 
-    Curve and timing are functions of a module with their parameters bound, so that a path can be pickled.
+    The timing is a function of a module with its parameters bound, so that a path can be pickled.
 
     Args:
         frame: name of the link or frame that moves.
-        curve: r and φ with their derivatives.
+        curve: r and φ.
         timing: s(t) with its derivatives.
         duration: when the motion has ended, or its period [s].
         turned: R₀ and u; None leaves the orientation free.
@@ -41,37 +53,28 @@ class CurvedPath:
     ) -> None:
         self.frame = frame_name(frame)
         self.duration = duration
-        self._curve, self._timing = curve, timing
-        self._still, self._spread = None, np.eye(3, 4)
+        self._table, self._rate, self._timing = curve.table, float(curve.rate), timing
+        self._turned: tuple[Array, Array, Array, Array] | None = None
         if turned is not None:
-            self._still, axis = turned
+            still, axis = turned
             turn = cross_matrices(axis[:, None])[0]
-            self._across = turn @ self._still  # exp(φ u×) = 1 + sin φ u× + (1 − cos φ) u×u×
-            self._back = turn @ self._across
-            self._spread = np.eye(6, 4)
-            self._spread[3:, 3] = axis
+            across = turn @ still  # exp(φ u×) = 1 + sin φ u× + (1 − cos φ) u×u×
+            self._turned = still, across, turn @ across, axis
 
     def at(self, t: float) -> FrameReference:
         """Return pose, twist and acceleration at time t [s]."""
-        s, rate, acceleration = self._timing(t)
-        value, slope, bend = self._curve(s)
-        turn = None
-        if self._still is not None:
-            angle = float(value[3])
-            turn = self._still + math.sin(angle) * self._across + (1.0 - math.cos(angle)) * self._back
-        twist = self._spread.dot(slope * rate)
-        return FrameReference(value[:3], turn, twist, self._spread.dot(bend * rate**2 + slope * acceleration))
+        return FrameReference(*_curve_point(self._table, self._rate, *self._timing(t), self._turned))
 
 
 def rest_to_rest(travel_time: float, start: float) -> tuple[Timing, float]:
     """Return the minimum-jerk motion of s from 0 to 1, and when it has ended [s]."""
-    motion = MinimumJerk([0.0], [1.0], travel_time, start=start)
-    return partial(_progress, motion), motion.duration
+    time, begin = positive("travel_time", travel_time), number("start", start)
+    return partial(_progress, time, begin), begin + time
 
 
-def _progress(motion: MinimumJerk, t: float) -> tuple[float, float, float]:
-    (s,), (rate,), (acceleration,) = motion.at(t)
-    return float(s), float(rate), float(acceleration)
+def _progress(time: float, start: float, t: float) -> tuple[float, float, float]:
+    s, slope, bend = minimum_jerk_step((t - start) / time)
+    return s, slope / time, bend / (time * time)
 
 
 def turn_of(origin: Array | None, goal: Array | None) -> tuple[tuple[Array, Array] | None, float]:

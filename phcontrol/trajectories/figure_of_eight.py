@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, number, positive
+from phcontrol._validation import number, positive
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.trajectories.curved_path import CurvedPath
+from phcontrol.trajectories.curved_path import Curve, CurvedPath
+from phcontrol.trajectories.minimum_jerk import minimum_jerk_step
 from phcontrol.trajectories.pose import Pose, direction, pose
 
 
@@ -64,23 +65,17 @@ class FigureOfEight(CurvedPath):
         start = start if ramp is None else number("ramp", ramp, minimum=0.0)
         wide = np.append(0.5 * number("width", width) * first, angle)
         high = np.append(0.5 * number("height", height) * second, 0.0)
-        eight = partial(_eight, np.append(middle, 0.0), wide, high)
+        still_there, no_wave = np.append(middle, 0.0), np.zeros(4)
+        eight = Curve(np.stack([still_there, no_wave, no_wave, no_wave, wide, high]))
         turned = None if still is None else (still, pivot)
         super().__init__(frame, eight, partial(_ramped, rate, start), period + 0.5 * start, turned)
 
 
-def _eight(center: Array, wide: Array, high: Array, angle: float) -> tuple[Array, Array, Array]:
-    once, once_slope = math.sin(angle) * wide, math.cos(angle) * wide
-    twice, twice_slope = math.sin(2.0 * angle) * high, 2.0 * math.cos(2.0 * angle) * high
-    return center + once + twice, once_slope + twice_slope, -once - 4.0 * twice
-
-
 def _ramped(rate: float, ramp: float, t: float) -> tuple[float, float, float]:
     """Return θ, θ̇ and θ̈ of an angle that turns at ``rate`` [rad/s] after a smooth ramp [s] from rest."""
-    if t >= ramp:
-        return rate * (t - 0.5 * ramp), rate, 0.0
-    if t <= 0.0:
-        return (rate * t, rate, 0.0) if ramp == 0.0 else (0.0, 0.0, 0.0)
-    x = t / ramp
-    angle = rate * ramp * x**4 * (2.5 - 3.0 * x + x**2)
-    return angle, rate * x**3 * (10.0 - 15.0 * x + 6.0 * x**2), 30.0 * rate / ramp * (x * (1.0 - x)) ** 2
+    if ramp == 0.0:
+        return rate * t, rate, 0.0
+    x = min(max(t / ramp, 0.0), 1.0)
+    step, slope, _ = minimum_jerk_step(x)
+    angle = rate * (ramp * x * x * x * x * (2.5 - 3.0 * x + x * x) + max(t - ramp, 0.0))
+    return angle, rate * step, rate / ramp * slope

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, number, vector
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest
+from phcontrol.trajectories.curved_path import Curve, CurvedPath, rest_to_rest
 from phcontrol.trajectories.pose import Pose, direction, pose, rotation, shortest_turn
 
 
@@ -52,7 +51,7 @@ class FrameArc(CurvedPath):
             raise InvalidArgumentError("center", "must be on an axis that does not go through the origin of the arc")
         turned, turn = _turn(still, orientation, normal, reach)
         along, across = np.append(arm, 0.0), np.append(np.cross(normal, arm), 0.0)
-        arc = partial(_arc, np.append(first - arm, 0.0), along, across, np.array([0.0, 0.0, 0.0, turn]), reach)
+        arc = Curve(np.stack([np.append(first - arm, 0.0), [0.0, 0.0, 0.0, turn], along, across]), reach)
         super().__init__(frame, arc, *rest_to_rest(travel_time, start), turned)
 
     @classmethod
@@ -99,11 +98,3 @@ def _turn(
         raise InvalidArgumentError("orientation", "is left free by an origin that is a point: give a pose to turn")
     axis, turn = shortest_turn("orientation", still, rotation("orientation", orientation))
     return (still, axis), turn
-
-
-def _arc(
-    center: Array, along: Array, across: Array, turning: Array, angle: float, s: float
-) -> tuple[Array, Array, Array]:
-    cosine, sine = math.cos(angle * s), math.sin(angle * s)
-    out = cosine * along + sine * across
-    return center + out + s * turning, angle * (cosine * across - sine * along) + turning, -(angle**2) * out

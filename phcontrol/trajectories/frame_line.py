@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from phcontrol._validation import Array
-from phcontrol.trajectories.curved_path import CurvedPath, rest_to_rest, turn_of
+from phcontrol.trajectories.curved_path import Curve, CurvedPath, rest_to_rest, turn_of
 from phcontrol.trajectories.pose import Pose, pose
 
 
@@ -32,9 +29,5 @@ class FrameLine(CurvedPath):
         first, still = pose("origin", origin)
         last, final = pose("goal", goal)
         turned, angle = turn_of(still, final)
-        line = partial(_line, np.append(first, 0.0), np.append(last - first, angle))
+        line = Curve(np.stack([np.append(first, 0.0), np.append(last - first, angle)]))
         super().__init__(frame, line, *rest_to_rest(travel_time, start), turned)
-
-
-def _line(begin: Array, way: Array, s: float) -> tuple[Array, Array, Array]:
-    return begin + s * way, way, np.zeros(4)

@@ -15,6 +15,13 @@ PEAK_SPEED = 1.875
 """Largest speed of a minimum-jerk motion over its mean speed."""
 
 
+def minimum_jerk_step(share: float) -> tuple[float, float, float]:
+    """Return x³(10 − 15x + 6x²) of a share x of the way, held at 0 and 1, with its two derivatives by x."""
+    x = min(max(share, 0.0), 1.0)
+    rest = x * (1.0 - x)
+    return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * rest * rest, 60.0 * rest * (1.0 - 2.0 * x)
+
+
 class MinimumJerk(PiecewisePolynomial):
     """Move from one posture to another, at rest at both, with the least ∫|jerk|² dt.
 

@@ -7,10 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.mechanics.derivatives import right_inverse_motion
+from phcontrol.mechanics import kernels
 from phcontrol.mechanics.singular_damping import DAMPING_SHARE, LENGTH, SINGULAR_REGION, frame_damping
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.trajectories.frame_path import FrameReference
+
+NOTHING: dict[int, Array] = {rows: np.zeros(rows) for rows in (3, 6)}
+"""What is missed where nothing is damped, by the rows of a twist; read-only."""
+for _zero in NOTHING.values():
+    _zero.flags.writeable = False
 
 
 class ResolvedMotion(NamedTuple):
@@ -21,7 +26,7 @@ class ResolvedMotion(NamedTuple):
     acceleration: Array
     """q̈_ref = 𝒥#ξ̇_d + (d𝒥#/dt)ξ_d along the true q̇, shape (n,) [rad/s²]."""
     missed: Array
-    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out, zero where there is none."""
+    """(1 − 𝒥𝒥#)ξ_d, shape (6,) or (3,) [m/s, rad/s]: what the damping leaves out; ``NOTHING`` without."""
 
 
 def resolved_motion(
@@ -55,15 +60,15 @@ def resolved_motion(
     rate = x.frame_kinematics_rate(frame)  # first: it brings 𝒥 along
     rate = rate if rows == len(rate) else rate[:rows]
     task, damping = x.task_space(frame, rows), frame_damping(rows, singular_damping, singular_region, length)
-    jacobian, square = task.jacobian, task.square
-    half = rate.dot(jacobian.T)
-    square_rate = half + half.T
+    jacobian, square, asked = task.jacobian, task.square, reference.acceleration
     damped = task.damped if damping is frame_damping(rows) else damping.at(square)
-    if damped is not None:
-        square, square_rate = damping.regularised(square, square_rate, damped)
-    velocity, acceleration = right_inverse_motion(jacobian, rate, square, square_rate, twist, reference.acceleration)
-    missed = np.zeros(rows) if damped is None else twist - jacobian.dot(velocity)
-    return ResolvedMotion(velocity, acceleration, missed)
+    if damped is None:
+        motion = kernels.right_inverse_motion(jacobian, rate, square, None, twist, asked)
+        return ResolvedMotion(*motion, NOTHING[rows])
+    half = rate.dot(jacobian.T)
+    regularised = damping.regularised(square, half + half.T, damped)
+    velocity, acceleration = kernels.right_inverse_motion(jacobian, rate, *regularised, twist, asked)
+    return ResolvedMotion(velocity, acceleration, twist - jacobian.dot(velocity))
 
 
 def missed_share(x: MechanicalState, frame: str, rows: int) -> Array:

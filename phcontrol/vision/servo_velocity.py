@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative, right_inverse_motion
+from phcontrol.mechanics import kernels
+from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative
 from phcontrol.mechanics.singular_damping import SingularDamping
 
 _FADED = 1e-10
@@ -48,18 +49,20 @@ class ServoVelocity:
         if pull is None or pull_rate is None:
             if damped is not None:
                 square, square_rate = self.damping.regularised(square, square_rate, damped)
-            return right_inverse_motion(B, B_rate, square, square_rate, desired, desired_rate)
+            return kernels.right_inverse_motion(B, B_rate, square, square_rate, desired, desired_rate)
         along, along_rate = B.dot(pull), B_rate.dot(pull) + B.dot(pull_rate)
         if damped is None:
             # Bᵀ S⁻¹w + (1 − BᵀS⁻¹B)z = BᵀS⁻¹(w − B z) + z
-            s, s_rate = right_inverse_motion(B, B_rate, square, square_rate, desired - along, desired_rate - along_rate)
+            s, s_rate = kernels.right_inverse_motion(
+                B, B_rate, square, square_rate, desired - along, desired_rate - along_rate
+            )
             return s + pull, s_rate + pull_rate
         regularised = self.damping.regularised(square, square_rate, damped)
-        s, s_rate = right_inverse_motion(B, B_rate, *regularised, desired, desired_rate)
+        s, s_rate = kernels.right_inverse_motion(B, B_rate, *regularised, desired, desired_rate)
         level, slope = damped
         fade, fade_rate = self._fade(level), -float(np.vdot(slope, square_rate)) / self.damping.level**2
         if fade > _FADED:
-            seen, seen_rate = right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
+            seen, seen_rate = kernels.right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
             free, free_rate = pull - seen, pull_rate - seen_rate
             s += fade * free
             s_rate += fade * free_rate + fade_rate * free

@@ -116,6 +116,21 @@ def test_closures_and_arrays_with_strides_are_watched(shoulder):
             compiled.evaluate(0.0, x, np.zeros(0))
 
 
+def test_a_change_in_a_loop_that_python_has_specialised_is_noticed(shoulder):
+    """Between steps that find nothing an attribute is set to what it is, a hundred times, and then to another."""
+    law = Changing.tuned(shoulder, goal=[0.4, 0.6])
+    compiled, x = compile_law(law), shoulder.at([0.1, 0.2])
+    kept, other = law.boost, 1.0 + 1e-9
+    for value in [kept] * 100 + [other]:
+        compiled.step(0.0, x.position, x.velocity, np.zeros(0))
+        law.boost = value
+    assert compiled.step.counts[1] == 0
+    with pytest.raises(CompilationError, match="'boost' is not what it was"):
+        compiled.step(0.0, x.position, x.velocity, np.zeros(0))
+    law.boost = kept
+    compiled.step(0.0, x.position, x.velocity, np.zeros(0))
+
+
 def test_the_plant_is_watched():
     system = make_system("pera_shoulder")
     compiled, x = compile_law(make_controller("force_feedback", system)), system.at([0.1, 0.2])

@@ -72,32 +72,6 @@ def test_relative_factor_rate_is_that_of_a_moving_cholesky_factor(kernels, data,
 
 @every_implementation
 @given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
-def test_damping_root_is_that_of_the_modes(kernels, data, layout):
-    """D_x = X Xᵀ is 2ζ K♯B: of (LᵀBL)^½ all; and a mode that moves nothing is bounded by the others."""
-    mobility, other = matrices(data.draw)
-    size, ratio = len(mobility), data.draw(st.floats(0.05, 3.0))
-    root = other + 3.0 * np.sqrt(size) * np.eye(size)
-    found = kernels.damping_root(LAYOUTS[layout](root), LAYOUTS[layout](mobility), ratio)
-    reduced = root.T @ mobility @ root
-    inner = np.linalg.solve(root, np.linalg.solve(root, found @ found.T).T)  # 2ζ S^(−½) in its axes
-    expected = 4.0 * ratio**2 * np.eye(size)
-    np.testing.assert_allclose(reduced @ inner @ inner, expected, rtol=0, atol=1e-7 * ratio**2)
-    if size > 1:
-        singular = mobility.copy()
-        singular[:, 0] = singular[0] = 0.0
-        free = kernels.damping_root(np.eye(size), LAYOUTS[layout](singular), 0.5)
-        largest = np.linalg.eigvalsh(singular)[-1]
-        np.testing.assert_allclose((free @ free.T)[0, 0], (1e-12 * largest) ** -0.5, rtol=1e-6)
-
-
-@every_implementation
-def test_a_damping_root_of_what_is_not_finite_comes_back_not_finite(kernels):
-    """Soon, and without an error: the torque that it makes is refused."""
-    assert not np.isfinite(kernels.damping_root(np.eye(6), np.full((6, 6), np.nan), 0.7)).any()
-
-
-@every_implementation
-@given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
 def test_feedback_is_a_spring_and_a_damper(kernels, data, layout):
     stiffness, damping = matrices(data.draw)
     force, error, velocity, desired = (damping[i % len(damping)] + i for i in range(4))
