@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._differences import central_difference
 from phcontrol._validation import Array, number
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.controllers.aging import aging
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller, stored
 from phcontrol.controllers.target import Target, check_target
@@ -56,18 +56,9 @@ class Seen:
         return number("storage", stored(value))
 
     def aging(self, step: float) -> float:
-        """Return ∂H_d/∂t at the same coordinates [W]: what H_d gains by the clock alone.
-
-        That is its rate while the clock runs and arm, law and measurements stand, less ∇H_dᵀ times that of the
-        coordinates. The differences take a step of time [s].
-        """
-
-        def there(shift: float) -> Array:
-            later = self.elsewhere(time=self.at.time + shift)
-            return np.concatenate([[later.stored()], later.coordinates()])
-
-        rates = central_difference(there, step)
-        return float(rates[0] - self.promise().gradient @ rates[1:])
+        """Return ∂H_d/∂t at the same coordinates [W], by differences with a step of time [s]."""
+        at = self.at
+        return aging(self.law, at.time, self.view, at.state, self.measured, self.promise().gradient, step)
 
     def coordinates(self) -> Array:
         """Return the target's coordinates."""
