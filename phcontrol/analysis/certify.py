@@ -62,6 +62,7 @@ from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler
 from phcontrol.analysis.thin_states import SLIDING
+from phcontrol.analysis.well_formed import check_well_formed
 from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.controllers.law_error import place_of
@@ -155,6 +156,7 @@ class _Examination:
         rests: list[RestPoint] = []
         conditions: dict[str, float] = {}
         try:
+            check_well_formed(law, self._plant)
             for time in _times(law) if self._samples >= FEW else law.phases:
                 acting = law.active(time)
                 units = NaturalUnits.of(acting, self._plant, time)
@@ -392,12 +394,15 @@ class _Examination:
         robot, law = self._plant.robot, self._law
         limits = "joint limits" if np.isfinite(robot.lower).all() else "joint limits (or a turn)"
         seen = "; objects as the law's random_scene draws them" if "features" in law.needs else ""
-        times = f"t over {law.time_span:.3g} s and later" if law.time_span else "t up to 1e5 s"
+        span: Any = law.time_span  # of a law that fails it may be anything
+        lasting = isinstance(span, (int, float, np.floating)) and span
+        times = f"t over {span:.3g} s and later" if lasting else "t up to 1e5 s"
         return (
             f"{self._samples} states, seed {self._seed}: q at the goal and home, at, within and 10 % beyond {limits}; "
             "speeds from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; "
             f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}{seen}; besides, with one "
-            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, at rest under a load; and along "
+            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, at rest under a load; close to "
+            "rest, from 1e-6; where the command is least smooth on lines between states and into the rest; and along "
             "short runs"
         )
 

@@ -12,7 +12,8 @@ from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen, largest_difference
 from phcontrol.analysis.state_sampler import some
 from phcontrol.analysis.worst import Worst
-from phcontrol.controllers.controller import Controller, stored
+from phcontrol.controllers.answers import stored
+from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STATES = 12
@@ -111,7 +112,7 @@ def _everything(seen: Seen, time: float | None = None) -> list[Array]:
     command, target = law.evaluate(*asked), Promise.of(law.target(*asked), seen.view.system.n)
     postures = law.rest_posture(at.time), law.target_posture(at.time), law.desired_posture(at.time, at.state)
     return [
-        command.torque, command.state_rate, np.array([stored(law.storage(*asked))]),
+        command.torque, command.state_rate, np.array([stored(law, *asked)]),
         target.coordinates, target.J, target.R, target.gradient, target.port,
         *(np.zeros(0) if posture is None else np.asarray(posture, dtype=float) for posture in postures),
     ]  # fmt: skip

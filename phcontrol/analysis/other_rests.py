@@ -40,9 +40,9 @@ def other_rests(
 ) -> list[OtherRest]:
     """Return other minima of H_d about the joint range, of a law whose goal is a posture, the deepest first.
 
-    H_d of an arm at rest is followed downhill from a few postures all over the range, and looked at a turn away from the
-    goal in each joint that is not continuous. What is narrow, or far from all of those, is not found; nor is a rest that
-    friction or a limit makes, which H_d does not know.
+    H_d of an arm at rest is followed downhill from a few postures all over the range, and looked at a turn away from
+    the goal in each joint that is not continuous. What is narrow, or far from all of those, is not found; nor is a rest
+    that friction or a limit makes, which H_d does not know.
     """
     from scipy.optimize import minimize  # loaded when it is needed
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from phcontrol._differences import central_difference
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import Controller, stored
+from phcontrol.controllers.answers import stored
+from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 
@@ -33,7 +34,7 @@ def aging(
     """
 
     def there(shift: float) -> Array:
-        energy = stored(law.storage(t + shift, x, state, measured))
+        energy = stored(law, t + shift, x, state, measured)
         return np.concatenate([[energy], law.coordinates(t + shift, x, state, measured)])
 
     rates = central_difference(there, step)

@@ -10,7 +10,7 @@ import numpy as np
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
 from phcontrol.controllers.aging import STEP, aging
-from phcontrol.controllers.controller import stored
+from phcontrol.controllers.answers import stored
 from phcontrol.controllers.target import Target
 from phcontrol.environments.body import Touch
 from phcontrol.mechanics.state import MechanicalState
@@ -99,7 +99,7 @@ def _friction_power(sample: Sample) -> float:
 
 
 def _storage(sample: Sample) -> float:
-    return stored(sample.loop.controller.storage(*sample.arguments))
+    return stored(sample.loop.controller, *sample.arguments)
 
 
 def _dissipated_power(sample: Sample) -> float:
