@@ -53,6 +53,7 @@ from .environments.disturbances import Disturbance, Pulse, Sampled, Sine, Step, 
 from .environments.grasp_contact import GraspContact
 from .environments.rigid_body import RigidBody
 from .exceptions import (
+    AnswerError,
     DataFileError,
     InvalidArgumentError,
     MissingMeasurementError,
@@ -178,6 +179,7 @@ __all__ = [
     "Action",
     "AdaptivePayload",
     "After",
+    "AnswerError",
     "ArmDriver",
     "ArmError",
     "Body",

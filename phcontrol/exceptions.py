@@ -36,6 +36,14 @@ class InvalidArgumentError(PHControlError, ValueError):
         self.name = name
 
 
+class AnswerError(InvalidArgumentError):
+    """A method of a law answered with something else than it is asked for. The message names class and method."""
+
+    def __init__(self, law: type, method: str, problem: str) -> None:
+        PHControlError.__init__(self, f"{law.__name__}.{method} {problem}")
+        self.name = method
+
+
 class UnknownNameError(PHControlError, LookupError):
     """A robot, joint, frame, controller or option of that name does not exist. Lists those that do."""
 

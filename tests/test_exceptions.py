@@ -14,6 +14,7 @@ import pytest
 
 import phcontrol
 from phcontrol import (
+    AnswerError,
     ArmError,
     CompilationError,
     CompilationWarning,
@@ -47,6 +48,7 @@ def log():
 EXAMPLES = {
     PHControlError: lambda: PHControlError("something"),
     InvalidArgumentError: lambda: InvalidArgumentError("gain", "must be > 0"),
+    AnswerError: lambda: AnswerError(dict, "storage", "returned None, expected a number [J]"),
     LawError: lambda: LawError("law", "law.py:3", ValueError("wrong")),
     UnknownNameError: lambda: UnknownNameError("joint", "elbo", ["elbow", "wrist"], " of arm"),
     RobotDescriptionError: lambda: RobotDescriptionError("arm.urdf, line 3: wrong"),

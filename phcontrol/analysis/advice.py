@@ -24,10 +24,18 @@ ADVICE: dict[str, str] = {
         "of a tank"
     ),
     "jump of H_d between states": "H_d jumps: gains or a goal that switch, a term behind an if",
+    "kink of H_d between states": (
+        "H_d has no gradient at a point, and the torque jumps there: an absolute value, an if, or an error that is "
+        "folded at half a turn of a joint that is not continuous (x.position_error folds where it should)"
+    ),
     "balance of H_d along runs": "H_d jumps within a run: gains or a goal that switch",
     "target's coordinates are others": "coordinates() and target().coordinates differ",
     "least dissipation in motion [1/s]": "a motion is not damped at all: R_d has no damping in its direction",
     "depth of H_d below its rest": "H_d is lower elsewhere than where the law rests: it is no minimum",
+    "other rests as deep as the goal": (
+        "H_d is as low at another posture in the joint range: the arm may come to rest there. An error folded at half "
+        "a turn of a joint that is not continuous, or a potential with more than one minimum"
+    ),
     "energy of the law's initial state": "initial_state() stores energy: there H_d is not at its minimum",
     "drive that is not declared": "the target has a drive that brings energy in: name it in driven_by",
     "drive in rows of a momentum": "a drive enters as a torque; it may enter other rows only",
@@ -41,6 +49,10 @@ ADVICE: dict[str, str] = {
         "array that changes later"
     ),
     "command that remembers the motion": "the law remembers earlier calls: only its arguments may count in evaluate()",
+    "command that other methods change": (
+        "evaluate() answers otherwise after storage(), passive_port() or another method was asked, or after all that a "
+        "certificate asks: a law has no memory but its state"
+    ),
     "change by what is not needed": "the law reads a measurement that needs does not name",
     "change with time that is not declared": "the law depends on t, but its time_span is 0",
     "change of the promise with f_e": "J_d, R_d, H_d or a coordinate depends on f_e, which may enter by the port only",
@@ -51,6 +63,10 @@ ADVICE: dict[str, str] = {
     ),
     "rise of H_d to the calmest state": "calmest_state() is not where H_d is smallest",
     "rise of H_d by a jump": "jump() changes the law's state: without saying so in jumps, or to one of more energy",
+    "rise of H_d under limits": (
+        "rate_under_limits() must return the rate as it is where the torque is not changed, and never put energy into "
+        "the law's state"
+    ),
     "desired posture that is another": "desired_posture() is not target_posture() where the law has just begun",
     "no rest near the goal": "∇H_d vanishes nowhere near rest_posture(): goal and potential do not belong together",
     "motion where it should rest": "the arm moves where ∇H_d = 0: the torque is not what the target says",

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from phcontrol._validation import choice
 from phcontrol.analysis.advice import ADVICE
 
@@ -85,6 +87,8 @@ class Certificate:
     """What the law itself does not claim."""
     drive_power: float | None = None
     """The most that what drives the loop brings into H_d at the sampled states [W]; None without a drive."""
+    other_rests: tuple[tuple[list[float], float], ...] = ()
+    """Postures [rad] at which H_d has another minimum, and by how much it is higher there than at the goal [J]."""
     jump_at_switches: float | None = None
     """Largest change of H_d where another law takes over, at some of the sampled states [J]; None without a switch."""
     jump_at_half_turns: float | None = None
@@ -194,6 +198,7 @@ class Certificate:
             "slowest_time_constant": _finite_or_none(self.slowest),
             "driven_by": self.driven_by,
             "drive_power": self.drive_power,
+            "other_rests": [{"position": list(place), "height": height} for place, height in self.other_rests],
             "jump_at_switches": self.jump_at_switches,
             "jump_at_half_turns": self.jump_at_half_turns,
             "caveat": self.caveat,
@@ -226,6 +231,11 @@ class Certificate:
                 [f"  half a turn off in a continuous joint H_d jumps by up to {self.jump_at_half_turns:.3g} J"]
                 if self.jump_at_half_turns is not None
                 else []
+            ),
+            *(
+                f"  the arm may rest elsewhere, where H_d has another minimum, {height:.3g} J above that of the goal: "
+                f"q = {np.array2string(np.array(place), precision=3, max_line_width=1000)}"
+                for place, height in self.other_rests
             ),
             *([f"  not claimed: {self.caveat}"] if self.caveat else []),
             f"  sampled: {self.region}",

@@ -24,19 +24,29 @@ from phcontrol.analysis.certificate import (
     Certificate,
     Check,
 )
-from phcontrol.analysis.continuity import depth_around, jump_at_half_turns, jump_at_switches, largest_jump
+from phcontrol.analysis.continuity import depth_around, jump_at_half_turns, jump_at_switches
 from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.invariance import change_of_drive, change_with_force, change_with_time
+from phcontrol.analysis.lines import largest_jump, largest_kink, lines_of, odd_states
 from phcontrol.analysis.matching import StateFigures, described, examine, worst_power, worst_residual
-from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.ports import calming_gain, jumping_gain, passive_port_error, port_error, starting_gain
-from phcontrol.analysis.promised import undetermined
-from phcontrol.analysis.purity import (
+from phcontrol.analysis.memory import (
     difference_after_marching,
-    difference_backwards,
-    largest_hidden_need,
-    largest_impurity,
+    difference_after_methods,
+    difference_in_walks,
+    untouched,
 )
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.other_rests import OtherRest, other_rests
+from phcontrol.analysis.ports import (
+    calming_gain,
+    jumping_gain,
+    limited_gain,
+    passive_port_error,
+    port_error,
+    starting_gain,
+)
+from phcontrol.analysis.promised import undetermined
+from phcontrol.analysis.purity import largest_hidden_need, largest_impurity
 from phcontrol.analysis.pushed_loop import fastest_when_pushed
 from phcontrol.analysis.rest_point import (
     ENVIRONMENT_FREQUENCIES,
@@ -47,11 +57,12 @@ from phcontrol.analysis.rest_point import (
     RestPoint,
     find_rest,
 )
-from phcontrol.analysis.runs import balance_error, fine_motion, run_states
+from phcontrol.analysis.runs import balance_error, run_states
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler
 from phcontrol.analysis.thin_states import SLIDING
+from phcontrol.analysis.well_formed import check_well_formed
 from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.controllers.law_error import place_of
@@ -132,17 +143,20 @@ class _Examination:
     def __init__(self, law: Controller, plant: MechanicalSystem, samples: int, seed: int) -> None:
         # what a law does to the plant it was made with must not happen to the one that judges it
         self._law, self._plant, self._samples, self._seed = law, plant.twin(), samples, seed
+        self._fresh = untouched(law)
         self._checks: list[Check] = []
         self._at: SampledState | None = None
         self._switching: float | None = None
         self._turning: float | None = None
         self._brought: float | None = None
+        self._others: list[OtherRest] = []
 
     def certificate(self, log: Log | None) -> Certificate:
         law, error = self._law, ""
         rests: list[RestPoint] = []
         conditions: dict[str, float] = {}
         try:
+            check_well_formed(law, self._plant)
             for time in _times(law) if self._samples >= FEW else law.phases:
                 acting = law.active(time)
                 units = NaturalUnits.of(acting, self._plant, time)
@@ -171,6 +185,7 @@ class _Examination:
             driven_by=law.driven_by,
             caveat=law.caveat,
             drive_power=self._brought,
+            other_rests=tuple((each.position.tolist(), each.height) for each in self._others),
             jump_at_switches=self._switching,
             jump_at_half_turns=self._turning,
             error=error,
@@ -197,12 +212,13 @@ class _Examination:
                 followed, logs = run_states(law, plant, self._units, rest)
         except SimulationError as error:  # what the states say comes first
             broken = error
+        lines = lines_of(law, plant, self._units, rest, states)
         figures = []
-        for state in [*states, *followed]:
+        looked_at = [*states, *followed, *(odd_states(lines) if law.eyes is None else [])]
+        for state in looked_at:
             self._at = state
             figures.append(examine(law, plant, state))
         self._at = None
-        looked_at = [*states, *followed]
         matching = worst_residual(looked_at, figures)
         gradient = worst_power(looked_at, figures, [each.slope_error for each in figures])
         growth = worst_power(looked_at, figures, [each.growth for each in figures], -math.inf)
@@ -220,8 +236,10 @@ class _Examination:
         if law.time_span:
             aging = worst_power(looked_at, figures, [each.aging for each in figures], -math.inf)
             yield Check.at_most("growth of H_d with time alone", aging.value, MATCHING_TOLERANCE, aging.where)
-        jump, where = largest_jump(law, plant, states)
+        jump, where = largest_jump(lines)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
+        kink, where = largest_kink(lines)
+        yield Check.at_most("kink of H_d between states", kink, 0.0, where)
         self._switching = jump_at_switches(law, plant, states)
         self._turning = jump_at_half_turns(law, plant, states)
         if logs and len(law.phases) == 1 and "features" not in law.needs:  # which near a loss are no smooth run
@@ -265,6 +283,11 @@ class _Examination:
                     deeper if deeper.value >= below else Worst(below, f"rest beside the goal, t = {rest.time:.4g} s")
                 )
         yield Check.at_most("depth of H_d below its rest", deeper.value, MATCHING_TOLERANCE, deeper.where)
+        if law.target_posture(0.0) is not None and not law.lacks_minimum and not changes and len(law.phases) == 1:
+            self._others = other_rests(law, self._plant, self._units, rests[0], self._seed)
+            as_deep = [each for each in self._others if each.height <= MATCHING_TOLERANCE * unit]
+            place = "q = " + np.array2string(as_deep[0].position, precision=3, max_line_width=1000) if as_deep else ""
+            yield Check.at_most("other rests as deep as the goal", len(as_deep), 0.0, place)
         if not law.lacks_minimum and not changes:
             start = self._start_energy(states[0]) / unit
             yield Check.at_most("energy of the law's initial state", start, MATCHING_TOLERANCE)
@@ -296,10 +319,12 @@ class _Examination:
         impurity, where = largest_impurity(law, plant, states)
         yield Check.at_most("command that is not repeated", impurity, PURITY_TOLERANCE, where)
         if self._samples >= FEW:
-            scene = law.rest_scene(law.system.at(law.rest_posture(0.0)))
-            backwards = difference_backwards(law, plant, fine_motion(law, plant, self._units, self._rest_point, scene))
-            backwards = max(backwards, difference_after_marching(law, plant, states[-1]))
-            yield Check.at_most("command that remembers the motion", backwards, PURITY_TOLERANCE)
+            walked = difference_in_walks(law, self._fresh, plant, self._units, self._rest_point)
+            marched = difference_after_marching(law, plant, states[0])
+            remembered, where = max(walked, marched, key=lambda each: each.value)
+            yield Check.at_most("command that remembers the motion", remembered, PURITY_TOLERANCE, where)
+        changed, where = difference_after_methods(law, self._fresh, plant, states)
+        yield Check.at_most("command that other methods change", changed, PURITY_TOLERANCE, where)
         for name, figure in (
             ("change by what is not needed", largest_hidden_need),
             ("change with time that is not declared", change_with_time),
@@ -312,6 +337,7 @@ class _Examination:
             ("passive port that is another", passive_port_error),
             ("rise of H_d to the calmest state", calming_gain),
             ("rise of H_d by a jump", jumping_gain),
+            ("rise of H_d under limits", limited_gain),
         ):
             value, where = figure(law, plant, states)
             yield Check.at_most(name, value, MATCHING_TOLERANCE, where)
@@ -368,12 +394,15 @@ class _Examination:
         robot, law = self._plant.robot, self._law
         limits = "joint limits" if np.isfinite(robot.lower).all() else "joint limits (or a turn)"
         seen = "; objects as the law's random_scene draws them" if "features" in law.needs else ""
-        times = f"t over {law.time_span:.3g} s and later" if law.time_span else "t up to 1e5 s"
+        span: Any = law.time_span  # of a law that fails it may be anything
+        lasting = isinstance(span, (int, float, np.floating)) and span
+        times = f"t over {span:.3g} s and later" if lasting else "t up to 1e5 s"
         return (
             f"{self._samples} states, seed {self._seed}: q at the goal and home, at, within and 10 % beyond {limits}; "
             "speeds from rest to twice the velocity limits and beyond; f_e from 0 to twice the motors' limits; "
             f"controller states from 0 to {LARGEST_STATE:g} natural units; {times}{seen}; besides, with one "
-            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, at rest under a load; and along "
+            "coordinate or some neighbouring joints alone away from rest, with p̂ = 0, at rest under a load; close to "
+            "rest, from 1e-6; where the command is least smooth on lines between states and into the rest; and along "
             "short runs"
         )
 
@@ -410,7 +439,7 @@ def _felt(law: Controller) -> bool:
 
 
 def _largest(states: list[SampledState], values: list[float], lowest: float = 0.0) -> Worst:
-    return Worst.of(zip(values, map(described, states), strict=True), lowest)
+    return Worst.among(values, lambda k: described(states[k]), lowest)
 
 
 def _stability(rests: list[RestPoint]) -> str:

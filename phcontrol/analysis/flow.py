@@ -57,9 +57,10 @@ class Flow:
             return measured
         return measured._replace(features=scene.features(self._plant.at(position), scene.initial_state()))
 
-    def coordinates(self, shift: float) -> Array:
-        """Return the target's coordinates ``shift`` seconds along the flow."""
-        return self.seen(shift).coordinates()
+    def followed(self, shift: float) -> Array:
+        """Return H_d and the target's coordinates ``shift`` seconds along the flow, in one vector."""
+        there = self.seen(shift)
+        return np.concatenate([[there.stored()], there.coordinates()])
 
     def storage(self, shift: float) -> float:
         """Return H_d ``shift`` seconds along the flow [J]."""

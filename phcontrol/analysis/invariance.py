@@ -12,16 +12,21 @@ from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen, largest_difference
 from phcontrol.analysis.state_sampler import some
 from phcontrol.analysis.worst import Worst
+from phcontrol.controllers.answers import stored
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STATES = 12
 _TIMES = np.geomspace(1e-3, 1e5, 81)  # ten a decade: none is left out for long [s]
+_WINDOWS = np.linspace(0.0, 60.0, 2001)  # the command alone, in the first minute every 30 ms [s]
 _ASIDE = 1e-3  # of a force, by which it is changed for a law that may switch with it
 
 
 def change_with_time(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
-    """Return by how much command and promise of a law that says it does not change differ at other states' times."""
+    """Return by how much a law that says it does not change differs at other times, and where.
+
+    Looked at are command, promise and postures at some states, and the command at one of them every 30 ms of a minute.
+    """
     return Worst(0.0, "") if law.time_span else Worst.of(_changes_with_time(law, plant, states))
 
 
@@ -34,8 +39,13 @@ def _changes_with_time(
         here = Seen.of(law, plant, at)
         said = _everything(here)
         for time in times[k :: len(chosen)]:
-            difference = largest_difference(said, _everything(here.elsewhere(time=time)))
-            yield difference, f"t = {time:.4g} s against {at.time:.4g} s"
+            yield largest_difference(said, _everything(here, time)), f"t = {time:.4g} s against {at.time:.4g} s"
+    at = chosen[0]
+    here = Seen.of(law, plant, at)
+    command = here.command()
+    for time in _WINDOWS:
+        difference = largest_difference(command, law.evaluate(float(time), here.view, at.state, here.measured))
+        yield difference, f"t = {time:.4g} s against {at.time:.4g} s"
 
 
 def change_with_force(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -95,6 +105,14 @@ def _promised(seen: Seen) -> list[Array]:
     return [np.array([seen.stored()]), target.coordinates, target.J, target.R, target.gradient, target.port]
 
 
-def _everything(seen: Seen) -> list[Array]:
-    command = seen.command()
-    return [command.torque, command.state_rate, *_promised(seen)]
+def _everything(seen: Seen, time: float | None = None) -> list[Array]:
+    """Return all that a law says at a state, or at another time with the same view of it."""
+    law, at = seen.law, seen.at if time is None else seen.at._replace(time=time)
+    asked = at.time, seen.view, at.state, seen.measured
+    command, target = law.evaluate(*asked), Promise.of(law.target(*asked), seen.view.system.n)
+    postures = law.rest_posture(at.time), law.target_posture(at.time), law.desired_posture(at.time, at.state)
+    return [
+        command.torque, command.state_rate, np.array([stored(law, *asked)]),
+        target.coordinates, target.J, target.R, target.gradient, target.port,
+        *(np.zeros(0) if posture is None else np.asarray(posture, dtype=float) for posture in postures),
+    ]  # fmt: skip

@@ -83,9 +83,9 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
     storage_rate, power, aging = 0.0, 0.0, 0.0
     ages = False  # looked at where H_d does not follow its gradient without it
     for stretch in _STRETCHES:
-        actual = flow.derivative(flow.coordinates, stretch)
+        rates = flow.derivative(flow.followed, stretch)
+        slope, actual = float(rates[0]), rates[1:]
         residual = np.fmin(residual, np.abs(actual - promised))
-        slope = float(flow.derivative(flow.storage, stretch))
         products = target.gradient * actual
         error = abs(slope - float(products.sum()))
         ages = ages or bool(law.time_span and error > _CLOSE_ENOUGH * np.abs(products).sum())
@@ -130,19 +130,21 @@ def worst_residual(states: Sequence[SampledState], figures: Sequence[StateFigure
     largest = max((float(each.terms.max(initial=0.0)) for each in figures), default=0.0)
     sizes = {len(each.residual) for each in figures}
     unit = {size: np.maximum(_usual(figures, size), _ROUNDING * largest) for size in sizes}
-    return Worst.of(
-        _largest_row(each.residual / np.maximum(each.terms, unit[len(each.residual)]), each.parts, described(state))
-        for state, each in zip(states, figures, strict=True)
-        if len(each.residual)
-    )
+    relative = [each.residual / np.maximum(each.terms, unit[len(each.residual)]) for each in figures]
+    values = [float(np.where(np.isnan(rows), np.inf, rows).max(initial=0.0)) for rows in relative]
+
+    def where(k: int) -> str:
+        return f"{_largest_row(relative[k], figures[k].parts)}, {described(states[k])}"
+
+    return Worst.among(values, where)
 
 
-def _largest_row(relative: Array, parts: Mapping[str, slice], where: str) -> tuple[float, str]:
+def _largest_row(relative: Array, parts: Mapping[str, slice]) -> str:
     row = int(np.argmax(np.where(np.isnan(relative), np.inf, relative)))
     named = (
         f" ('{name}', entry {row - part.start + 1})" for name, part in parts.items() if part.start <= row < part.stop
     )
-    return float(relative[row]), f"row {row + 1} of {len(relative)}{next(named, '')}, {where}"
+    return f"row {row + 1} of {len(relative)}{next(named, '')}"
 
 
 def worst_power(
@@ -151,8 +153,8 @@ def worst_power(
     """Return the largest of some powers, relative to the power that flows, with the same units as for rows."""
     powers = [each.power for each in figures]
     usual = max(_LEAST_SCALE * float(np.quantile(powers, _MOVING)), _ROUNDING * max(powers))
-    relative = (error / max(each.power, usual, 1e-300) for each, error in zip(figures, errors, strict=True))
-    return Worst.of(zip(relative, map(described, states), strict=True), lowest)
+    relative = [error / max(each.power, usual, 1e-300) for each, error in zip(figures, errors, strict=True)]
+    return Worst.among(relative, lambda k: described(states[k]), lowest)
 
 
 def described(state: SampledState) -> str:

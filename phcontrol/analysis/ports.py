@@ -16,7 +16,8 @@ from phcontrol.mechanics.system import MechanicalSystem
 
 _STATES = 4  # of which many questions are asked
 _MANY = 64  # of which one is
-_MOVING = 0.05  # [rad/s]
+_MOVING, _CREEPING = 0.05, 1e-3  # [rad/s], the last where outputs are compared, not differentiated
+_LITTLE = 1e-4  # of a second, over which H_d is differentiated along a change of the state
 
 
 def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -30,7 +31,7 @@ def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[Sample
 
 def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return how far ``passive_port`` is from what target and storage function say, relative to its own terms."""
-    return _worst(_passive_port_error, law, plant, states, _MANY)
+    return _worst(_passive_port_error, law, plant, states, _MANY, _CREEPING)
 
 
 def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -48,6 +49,33 @@ def jumping_gain(law: Controller, plant: MechanicalSystem, states: Sequence[Samp
     if not law.state_size:
         return Worst(0.0, "")
     return Worst.of((_jumping_gain(Seen.of(law, plant, at)), at.stratum) for at in states)
+
+
+def limited_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
+    """Return by how much ``rate_under_limits`` makes H_d grow beside the law's own rate, relative to H_d, and where.
+
+    Without a change of the torque the rate is the law's own; with one it may take energy out of the law's state
+    (a tank pays), and puts none in.
+    """
+    if not law.state_size:
+        return Worst(0.0, "")
+    generator = np.random.default_rng(0)
+
+    def gain(at: SampledState) -> float:
+        seen = Seen.of(law, plant, at)
+        rate = np.array(seen.command().state_rate)
+        change = generator.uniform(-1.0, 1.0, plant.n) * np.abs(seen.command().torque).max(initial=1.0)
+        asked = at.time, seen.view, at.state, rate
+        unchanged = law.rate_under_limits(*asked, np.zeros(plant.n), seen.measured)
+        more = law.rate_under_limits(*asked, change, seen.measured) - rate
+        if not np.array_equal(unchanged, rate):
+            return np.inf
+        if not more.any():
+            return 0.0
+        ahead, behind = (seen.elsewhere(state=at.state + side * _LITTLE * more).stored() for side in (1.0, -1.0))
+        return (ahead - behind) / (2.0 * _LITTLE) / max(abs(seen.stored()), 1e-300)
+
+    return Worst.of((gain(at), at.stratum) for at in some(states, _MANY, plant.n))
 
 
 def starting_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState], usual: float) -> Worst:
@@ -72,6 +100,7 @@ def _worst(
     plant: MechanicalSystem,
     states: Sequence[SampledState],
     count: int = _STATES,
+    speed: float = _MOVING,
 ) -> Worst:
     """Return the largest figure at a few states in which the arm moves away from its reference, and where.
 
@@ -80,7 +109,7 @@ def _worst(
     moving = [
         at
         for at in states
-        if at.stratum != SLIDING and np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max() > _MOVING
+        if at.stratum != SLIDING and np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max() > speed
     ]
     return Worst.of((figure(Seen.of(law, plant, at)), at.stratum) for at in some(moving, count, law.system.n))
 

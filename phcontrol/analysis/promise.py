@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.target import Target, check_target
+from phcontrol.controllers.target import Target
 from phcontrol.exceptions import InvalidArgumentError
 
 
@@ -25,7 +25,6 @@ class Promise(NamedTuple):
     @classmethod
     def of(cls, target: Target, n: int) -> Promise:
         """Return a target's numbers. Raises InvalidArgumentError where they have wrong shapes or are not finite."""
-        check_target(target)
         coordinates = _numbers("coordinates", target.coordinates, None)
         size = coordinates.size
         drive = target.drive

@@ -19,7 +19,6 @@ from phcontrol.sensors.measured import Measured
 
 _STATES = 12  # that are asked again
 _CALLS = 1000  # in between
-_PERIOD, _MARCH, _KEPT = 1e-3, 3001, 50  # of a loop [s], how many of them a law is asked through, which are compared
 _SHIFT = 1e-9  # of a time that is close to another [s]
 _SEEN = np.array([1e-3, -2e-3, 3e-3])  # features that a law is shown that does not need them [m]
 
@@ -39,20 +38,23 @@ def largest_impurity(law: Controller, plant: MechanicalSystem, states: Sequence[
 def _differences(
     law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]
 ) -> Iterator[tuple[float, str]]:
-    questions = [Seen.of(law, plant, _guarded(at)) for at in some(states, _STATES, plant.n)]
+    questions = [Seen.of(law, plant, guarded(at)) for at in some(states, _STATES, plant.n)]
     handed_out = [question.command() for question in questions]
     first = [_copies(command) for command in handed_out]
-    promised = [_promised(question) for question in questions]
+    promised = [everything_else(question) for question in questions]
     for question, said, before in reversed(list(zip(questions, promised, first, strict=True))):
         place = question.at.stratum
-        yield largest_difference(said, _promised(question.elsewhere())), f"promised again in another order: {place}"
-        _ask(question.elsewhere(time=question.at.time + _SHIFT))
+        yield (
+            largest_difference(said, everything_else(question.elsewhere())),
+            f"promised again in another order: {place}",
+        )
+        answers(question.elsewhere(time=question.at.time + _SHIFT))
         _use(question.elsewhere().view)
-        yield largest_difference(before, _ask(question)), f"asked again in another order: {place}"
+        yield largest_difference(before, answers(question)), f"asked again in another order: {place}"
     count = max(len(questions), int(_CALLS * min(1.0, (10.0 / plant.n) ** 2)))
     for k in range(count):
         which = (7 * k) % len(questions)
-        yield largest_difference(first[which], _ask(questions[which])), f"asked again, call {k} of {count}"
+        yield largest_difference(first[which], answers(questions[which])), f"asked again, call {k} of {count}"
     for question, before, command in zip(questions, first, handed_out, strict=True):
         place = question.at.stratum
         yield largest_difference(before, command), f"a command that was handed out: {place}"
@@ -63,48 +65,24 @@ def _differences(
         yield written, f"its view was written to: {place}"
 
 
-def difference_backwards(law: Controller, plant: MechanicalSystem, motion: Sequence[SampledState]) -> float:
-    """Return by how much commands along a motion differ when they are asked for backwards."""
-    questions = [Seen.of(law, plant, _guarded(at)) for at in motion]
-    forwards = [_ask(question) for question in questions]
-    backwards = [_ask(question) for question in reversed(questions)][::-1]
-    return max((largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True)), default=0.0)
-
-
-def difference_after_marching(law: Controller, plant: MechanicalSystem, at: SampledState) -> float:
-    """Return by how much commands while the clock runs for seconds, as in a loop, differ when asked for backwards.
-
-    A memory that wakes up after hundreds of periods shows. The arm stands meanwhile.
-    """
-    seen = Seen.of(law, plant, _guarded(at))
-    times = at.time + _PERIOD * np.arange(_MARCH if law.eyes is None else _MARCH // 10)
-
-    def ask(time: float) -> list[Array]:
-        return _copies(law.evaluate(float(time), seen.view, at.state, seen.measured))
-
-    forwards = [ask(time) for time in times][::_KEPT]
-    backwards = [ask(time) for time in times[::_KEPT][::-1]][::-1]
-    return max(largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True))
-
-
 def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return by how much a command changes when the law is shown more than it says it needs, and where."""
 
     def change(at: SampledState) -> float:
-        more = Seen.of(law, plant, _guarded(at), Measured._fields)
+        more = Seen.of(law, plant, guarded(at), Measured._fields)
         if more.measured.features is None:
             more.measured = more.measured._replace(features=_SEEN)
-        return largest_difference(Seen.of(law, plant, _guarded(at)).command(), more.command())
+        return largest_difference(Seen.of(law, plant, guarded(at)).command(), more.command())
 
     return Worst.of((change(at), at.stratum) for at in some(states, _STATES, plant.n))
 
 
-def _guarded(at: SampledState) -> SampledState:
+def guarded(at: SampledState) -> SampledState:
     """Return a state whose arrays cannot be written to."""
     return at._replace(force=_read_only(at.force), state=_read_only(at.state))
 
 
-def _ask(seen: Seen) -> list[Array]:
+def answers(seen: Seen) -> list[Array]:
     """Return torque and state rate, asked for with a fresh view, in arrays of their own."""
     return _copies(seen.elsewhere().command())
 
@@ -113,7 +91,7 @@ def _copies(arrays: Sequence[Array]) -> list[Array]:
     return [np.array(array) for array in arrays]
 
 
-def _promised(seen: Seen) -> list[Array]:
+def everything_else(seen: Seen) -> list[Array]:
     """Return everything else that the law says."""
     law, at = seen.law, seen.at
     postures = law.rest_posture(at.time), law.initial_state(seen.view)

@@ -8,11 +8,9 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.certificate import RUN_TOLERANCE
-from phcontrol.analysis.flow import STEP
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.sampled_state import SampledState
-from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.state_sampler import FIRST_TIME
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import ObjectLostError
@@ -125,8 +123,8 @@ def balance_error(log: Log, law: Controller, units: NaturalUnits) -> float:
         return 0.0
     error = _imbalance(log, (log.supplied_power - log.dissipated_power)[:end], units)
     if law.time_span and error > RUN_TOLERANCE:
-        aging = np.array([_aging(log, law, k) for k in range(end)])
-        error = _imbalance(log, (log.supplied_power - log.dissipated_power)[:end] + aging, units)
+        by_clock = 0.0 if log.aging_power is None else log.aging_power
+        error = _imbalance(log, (log.supplied_power - log.dissipated_power + by_clock)[:end], units)
     return error
 
 
@@ -140,26 +138,3 @@ def _imbalance(log: Log, power: Array, units: NaturalUnits) -> float:
     flow = np.abs(log.supplied_power[:end]) + np.abs(log.dissipated_power[:end])
     floor = _LITTLE * float((units.force * units.position).max())
     return float(error.max() / max(float(np.ptp(stored)), 2.0 * step * float(flow.max()), floor))
-
-
-def _aging(log: Log, law: Controller, k: int) -> float:
-    """Return ∂H_d/∂t at a sample [W]."""
-    time = max(float(log.time[k]), 2.0 * STEP)
-    at = SampledState(time, log.position[k], log.velocity[k], log.controller_state[k], np.zeros(law.system.n), None, "")
-    return Seen(law, at, log.true_measurement(k)).aging(STEP)
-
-
-def fine_motion(
-    law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint, scene: Scene | None
-) -> list[SampledState]:
-    """Return states of a run a millisecond apart: what a law that remembers would see on an arm."""
-    fastest = float(np.abs(rest.eigenvalues).max(initial=0.0))
-    dt = min(1e-3, _STIFF / max(fastest, 1e-300))
-    start = rest.position + (_AWAY if scene is None else _IN_VIEW) * units.position
-    log = _run(law, plant, units, 40, dt, start, rest.velocity, rest.force, scene)
-    return [
-        SampledState(
-            float(log.time[k]), log.position[k], log.velocity[k], log.controller_state[k], rest.force, scene, ""
-        )
-        for k in range(len(log))
-    ]

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._differences import central_difference
-from phcontrol._validation import Array, number
+from phcontrol._validation import Array
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
+from phcontrol.controllers.aging import aging
+from phcontrol.controllers.answers import commanded, stored
 from phcontrol.controllers.command import Command
-from phcontrol.controllers.controller import Controller, stored
+from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.target import Target, check_target
+from phcontrol.exceptions import AnswerError, InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured, measure_truly
 
@@ -42,7 +44,7 @@ class Seen:
 
     def command(self) -> Command:
         """Return torque and state rate."""
-        return self.law.evaluate(self.at.time, self.view, self.at.state, self.measured)
+        return commanded(self.law, self.at.time, self.view, self.at.state, self.measured)
 
     def rate(self, plant: MechanicalSystem) -> Array:
         """Return the rate of (q, q̇, controller state) in the true closed loop of a plant."""
@@ -51,36 +53,32 @@ class Seen:
         return np.concatenate([at.velocity, acceleration, command.state_rate])
 
     def stored(self) -> float:
-        """Return H_d [J]. Raises InvalidArgumentError unless it is a finite number."""
-        value = self.law.storage(self.at.time, self.view, self.at.state, self.measured)
-        return number("storage", stored(value))
+        """Return H_d [J]. Raises AnswerError unless it is a finite number."""
+        return stored(self.law, self.at.time, self.view, self.at.state, self.measured)
 
     def aging(self, step: float) -> float:
-        """Return ∂H_d/∂t at the same coordinates [W]: what H_d gains by the clock alone.
-
-        That is its rate while the clock runs and arm, law and measurements stand, less ∇H_dᵀ times that of the
-        coordinates. The differences take a step of time [s].
-        """
-
-        def there(shift: float) -> Array:
-            later = self.elsewhere(time=self.at.time + shift)
-            return np.concatenate([[later.stored()], later.coordinates()])
-
-        rates = central_difference(there, step)
-        return float(rates[0] - self.promise().gradient @ rates[1:])
+        """Return ∂H_d/∂t at the same coordinates [W], by differences with a step of time [s]."""
+        at = self.at
+        return aging(self.law, at.time, self.view, at.state, self.measured, self.promise().gradient, step)
 
     def coordinates(self) -> Array:
         """Return the target's coordinates."""
         return self.law.coordinates(self.at.time, self.view, self.at.state, self.measured)
 
     def promise(self) -> Promise:
-        """Return the target's numbers."""
-        return Promise.of(self.target(), self.view.system.n)
+        """Return the target's numbers. Raises AnswerError where they have wrong shapes or are not finite."""
+        try:
+            return Promise.of(self.target(), self.view.system.n)
+        except AnswerError:
+            raise
+        except InvalidArgumentError as error:
+            problem = str(error).removeprefix("target.").replace(": ", " ", 1)
+            raise AnswerError(type(self.law), "target", f"returned a Target whose {problem}") from error
 
     def target(self) -> Target:
         """Return the target as the law states it."""
         target = self.law.target(self.at.time, self.view, self.at.state, self.measured)
-        check_target(target)
+        check_target(target, type(self.law))
         return target
 
 

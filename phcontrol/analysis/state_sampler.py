@@ -36,7 +36,7 @@ _FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
 _BEYOND = 0.1  # how far outside its limits a joint is tried, of its range
 _SELECTORS = 12  # leading dimensions that choose the kind of state, and sizes
-_THIN = 4  # a quarter as many states are added on thin sets
+_THIN, _CLOSE = 4, 6  # a quarter as many states are added on thin sets, a sixth close to rest
 _EVEN = ("at limits", "anywhere", "beyond limits", "speeds")  # strata with a sequence of their own
 _TOGETHER = 0.93  # of the sizes, above which all joints are on a limit
 _ALONE, _SOME = 0.25, 0.4  # of the vectors have one entry alone, and one or a few
@@ -64,7 +64,7 @@ class StateSampler:
       1e5 s, or 200 times its span.
 
     To them a quarter as many are added on thin sets (``ThinStates``), which those do not hit: with one coordinate alone
-    away from rest, with neighbouring joints alone, with p̂ = 0, at rest under a load.
+    away from rest, with neighbouring joints alone, with p̂ = 0, at rest under a load; and a sixth as many close to rest.
 
     The numbers are scrambled Sobol sequences (:mod:`scipy.stats.qmc`), which leave no gaps in any single coordinate:
     one that chooses, and one more for each stratum that fills a range of positions or speeds, since a part of a
@@ -109,6 +109,9 @@ class StateSampler:
             self._generator = np.random.default_rng([seed, k])
             states.append(self._state(point))
         states += [self._thin_state(k, thin, point) for k, point in enumerate(points[:thin])]
+        for k, point in enumerate(points[: samples // _CLOSE]):
+            rest, numbers = self._about(point)
+            states.append(self._thin.approaching(k, rest, numbers))
         position, velocity, state = self._rest
         scene = self._law.rest_scene(self._law.system.at(position))
         time = FIRST_TIME if self._changes else 0.0
@@ -122,10 +125,15 @@ class StateSampler:
         return None if eyes is None else eyes.random_scene(self._law.system.at(position), self._generator, spread)
 
     def _thin_state(self, k: int, count: int, u: Array) -> SampledState:
-        """Return one of a number of states on thin sets, about the rest posture of some time.
+        """Return one of a number of states on thin sets, about the rest posture of some time."""
+        rest, numbers = self._about(u)
+        return self._thin.state(k, count, rest, numbers)
 
-        For a law that does not change it is time 0, that of the rest point: so they differ from it in one argument
-        alone, and what a law remembers under the others shows.
+    def _about(self, u: Array) -> tuple[SampledState, Array]:
+        """Return the rest posture of some time, and numbers between 0 and 1 to go away from it by.
+
+        For a law that does not change it is time 0, that of the rest point: so states about it differ from it in one
+        argument alone, and what a law remembers under the others shows.
         """
         n = self._plant.n
         time = self._clear_of_switches(self._time(u[0], u[6])) if self._changes else 0.0
@@ -133,7 +141,7 @@ class StateSampler:
         scene = self._law.rest_scene(self._law.system.at(goal))
         velocity = reference_velocity(self._law, time)
         rest = SampledState(time, goal, velocity, self._rest[2], self._rest_force, scene, "")
-        return self._thin.state(k, count, rest, np.delete(u[_SELECTORS:], np.s_[2 * n : 5 * n]))
+        return rest, np.delete(u[_SELECTORS:], np.s_[2 * n : 5 * n])
 
     def _state(self, u: Array) -> SampledState:
         n = self._plant.n

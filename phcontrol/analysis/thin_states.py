@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ _FASTEST, _STRONGEST = 2.0, 2.0  # likewise, the velocity and the force that may
 _ATTEMPTS = 4  # to come near enough for that
 _FARTHER = 1e3  # at most so many times nearer at the next attempt
 _SMALLEST, _LARGEST = 1e-3, 1.0  # displacements of the states at rest under a load
+_NEAREST, _DECADES = 1e-6, 6  # of the distances at which a rest is approached, in natural units
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # of a decade, between one distance and the next in it
 _PROBE = 0.05  # of a natural unit: the force by which an acceleration's slope is found
 
 
@@ -36,6 +39,8 @@ class ThinStates:
     - On p̂ = 0, where laws slide: the velocity for which the momentum among the target's coordinates is 0.
     - At rest under a load: the external force that keeps the closed loop from accelerating, with the arm or the
       controller's state displaced.
+    - Close to rest in all of them at once: at a distance of each decade from 1e-6 to 1, two joints or all away, on the
+      way in, at rest, on the way out or aside.
 
     Axes, blocks and parts of the controller's state are gone through one after another; of more axes than can be
     looked at some, evenly, of more blocks those at the ends of the arm.
@@ -53,6 +58,8 @@ class ThinStates:
         self._law, self._plant, self._units, self._look = law, plant, units, look
         self._axes = list(_axes(plant.n, units.state.size))
         self._blocks = list(_blocks(plant.n))
+        self._pairs = list(combinations(range(plant.n), 2)) if plant.n > 2 else []
+        np.random.default_rng(0).shuffle(self._pairs)
         lengths = list(law.state_parts.values())
         self._parts = list(np.repeat(np.eye(len(lengths), dtype=bool), lengths, axis=1))
 
@@ -66,6 +73,27 @@ class ThinStates:
         if kind < 6 and self._blocks:
             return self._on_a_block(rest, self._blocks[(2 * turn + kind - 4) % len(self._blocks)], size, kind == 5)
         return self._sliding(rest, size) if kind < 7 else self._loaded(rest, turn, float(u[0]), size)
+
+    def approaching(self, k: int, rest: SampledState, u: Array) -> SampledState:
+        """Return the k-th state close to ``rest``; ``u`` holds 2n + m numbers between 0 and 1."""
+        n = self._plant.n
+        where, aside, charged = np.split(2.0 * u - 1.0, [n, 2 * n])
+        turn, alone = divmod(k, 2)
+        decade = _DECADES - 1 - turn % (2 if alone else _DECADES)
+        distance = _NEAREST * 10.0 ** (decade + _GOLDEN * k % 1.0)
+        if alone and self._pairs:  # the others exactly at rest
+            away = np.isin(np.arange(n), self._pairs[turn % len(self._pairs)])
+            where = np.where(away, np.copysign(np.maximum(np.abs(where), _LEAST), where), 0.0)
+        how = (turn + turn // _DECADES) % 4
+        velocity = (-where, np.zeros(n), where, aside)[how]
+        towards = ("on the way in", "at rest", "on the way out", "moving aside")[how]
+        at = rest._replace(
+            position=rest.position + distance * self._units.position * where,
+            velocity=rest.velocity + distance * self._units.speed * velocity,
+            state=rest.state + (distance if turn % 3 else 0.0) * self._units.state * charged,
+            stratum=f"{distance:.1g} from rest, {towards}",
+        )
+        return self._seeing(at)
 
     def _on_an_axis(self, rest: SampledState, axis: tuple[str, int], size: Array) -> SampledState:
         field, entry = axis

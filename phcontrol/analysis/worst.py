@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 
@@ -21,3 +21,12 @@ class Worst(NamedTuple):
             if not value <= worst.value:
                 worst = cls(math.inf if math.isnan(value) else float(value), where)
         return worst
+
+    @classmethod
+    def among(cls, values: Sequence[float], described: Callable[[int], str], lowest: float = 0.0) -> Worst:
+        """Return the same of some values, of which the place of the k-th is ``described(k)``: asked for one alone."""
+        value, worst = lowest, -1
+        for k, each in enumerate(values):
+            if not each <= value:
+                value, worst = math.inf if math.isnan(each) else float(each), k
+        return cls(value, described(worst) if worst >= 0 else "")

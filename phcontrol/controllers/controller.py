@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from phcontrol._differences import central_difference
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, vector
+from phcontrol.controllers.answers import check_needs
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.declared import Declared, Plant
 from phcontrol.controllers.parameters import REQUIRED, Parameter
@@ -145,7 +146,7 @@ class Controller(Declared, ABC):
         """
         force = self._felt(x, measured)
         target = self.target(t, x, state, measured)
-        check_target(target)
+        check_target(target, type(self))
         rate = target.rate(force)
         state_rate = self._own(target, rate)
         h = _STEP / max(1.0, float(np.abs(x.velocity).max(initial=0.0)))
@@ -484,19 +485,12 @@ def _listed(target: Target) -> str:
     return ", ".join(f"'{name}'" for name in target.parts) or "no named parts"
 
 
-def stored(value: Any) -> float:
-    """Return what a law states as H_d. Raises InvalidArgumentError unless it is one real number."""
-    if np.ndim(value) or isinstance(value, complex) or not isinstance(value, (float, int, np.number)):
-        what = f"has shape {np.shape(value)}" if np.ndim(value) else f"is {value!r}"
-        raise InvalidArgumentError("storage", f"must be a number [J], but {what}")
-    return float(value)
-
-
 def check_loop(controller: object, system: object) -> None:
-    """Raise InvalidArgumentError unless these are a Controller and a MechanicalSystem."""
+    """Raise InvalidArgumentError unless these are a Controller, with needs that exist, and a MechanicalSystem."""
     if not isinstance(controller, Controller):
         raise InvalidArgumentError("controller", f"must be a Controller, but is {type(controller).__name__}")
     if not isinstance(getattr(controller, "system", None), MechanicalSystem):
         message = f"must have a system: the constructor of {type(controller).__name__} must call that of Controller"
         raise InvalidArgumentError("controller", message)
+    check_needs(controller)
     check_system(system)

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 
 from phcontrol.controllers.controller import Controller
-from phcontrol.exceptions import InvalidArgumentError, NonFiniteTorqueError, PHControlError
+from phcontrol.exceptions import AnswerError, InvalidArgumentError, NonFiniteTorqueError, PHControlError
 
 _OURS = __name__.partition(".")[0]
 _ANSWERS = ("target", "storage", "shape", "states", "initial_state")  # what a law is asked for
@@ -91,6 +91,8 @@ def _blamed(error: BaseException, law: type[Controller] | None) -> str:
     """Return the method whose answer phcontrol found fault with; "" for none."""
     if law is None:
         return ""
+    if isinstance(error, AnswerError):
+        return error.name
     if isinstance(error, NonFiniteTorqueError):
         return "target" if _package(law.shape.__module__) == _OURS else "shape"
     if any(frame.f_code is Controller.evaluate.__code__ for frame, _ in _walk(error)[-1:]):

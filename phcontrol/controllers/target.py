@@ -9,7 +9,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
-from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.exceptions import AnswerError, InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 
 Blocks = Mapping[tuple[str, str], Array]
@@ -204,10 +204,12 @@ class Target:
         return np.zeros(len(self.gradient)) if self.drive is None else self.drive.port @ self.drive.signal
 
 
-def check_target(target: object) -> None:
-    """Raise InvalidArgumentError unless what a law states as its target is one."""
+def check_target(target: object, law: type) -> None:
+    """Raise AnswerError unless what a law states as its target is one."""
     if not isinstance(target, Target):
-        raise InvalidArgumentError("target", f"must be a Target, but is {type(target).__name__}")
+        raise AnswerError(
+            law, "target", f"returned {None if target is None else type(target).__name__}, expected a Target"
+        )
 
 
 def _entries(what: str, slices: Mapping[str, slice], *names: str) -> tuple[slice, ...]:

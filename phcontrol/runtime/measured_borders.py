@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.controllers.answers import check_needs
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
 from phcontrol.runtime.signal_border import SignalBorder
@@ -29,6 +30,7 @@ class MeasuredBorders:
     """
 
     def __init__(self, controller: Controller, robot: Robot) -> None:
+        check_needs(controller)
         self._needs = frozenset(controller.needs)
         effort, image = np.array(robot.effort_limit), _image_scale(controller)
 

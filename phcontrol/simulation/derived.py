@@ -9,7 +9,8 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
-from phcontrol.controllers.controller import stored
+from phcontrol.controllers.aging import STEP, aging
+from phcontrol.controllers.answers import stored
 from phcontrol.controllers.target import Target
 from phcontrol.environments.body import Touch
 from phcontrol.mechanics.state import MechanicalState
@@ -98,7 +99,7 @@ def _friction_power(sample: Sample) -> float:
 
 
 def _storage(sample: Sample) -> float:
-    return stored(sample.loop.controller.storage(*sample.arguments))
+    return stored(sample.loop.controller, *sample.arguments)
 
 
 def _dissipated_power(sample: Sample) -> float:
@@ -109,6 +110,14 @@ def _dissipated_power(sample: Sample) -> float:
 def _supplied_power(sample: Sample) -> float:
     target = sample.target
     return float(target.gradient.dot(target.port.dot(sample.external_force) + target.driven()))
+
+
+def _aging_power(sample: Sample) -> float | None:
+    law = sample.loop.controller
+    if not law.time_span:
+        return None
+    time, x, state, measured = sample.arguments
+    return aging(law, max(time, 2.0 * STEP), x, state, measured, sample.target.gradient)
 
 
 def _contact_work(sample: Sample) -> float:
@@ -136,6 +145,7 @@ DERIVED: dict[str, Quantity] = {
     "storage": Quantity("storage", (), _storage),
     "dissipated_power": Quantity("promise", (), _dissipated_power),
     "supplied_power": Quantity("promise", (), _supplied_power),
+    "aging_power": Quantity("aging", (), _aging_power),
     "force_output": Quantity("promise", (JOINTS,), lambda sample: sample.target.gradient.dot(sample.target.port)),
     "contact_force": Quantity("contact", (), lambda sample: sum((touch.magnitude for touch in sample.touches), 0.0)),
     "contact_energy": Quantity("contact", (), lambda sample: sum((touch.stored for touch in sample.touches), 0.0)),
@@ -148,7 +158,7 @@ DERIVED: dict[str, Quantity] = {
     "wrench_forces": Quantity("wrenches", (None, 3), _wrench_forces),
 }
 """Every quantity by its name: the properties of a log, its file and the browser's view take them from here."""
-OPTIONAL = ("goal", "tank_level", "wrench_forces")
+OPTIONAL = ("aging_power", "goal", "tank_level", "wrench_forces")
 """Those that a run need not have."""
 PARTS = frozenset(quantity.part for quantity in DERIVED.values())
 

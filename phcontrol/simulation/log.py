@@ -229,6 +229,14 @@ class Log(Exported):
         return self._column("supplied_power")
 
     @property
+    def aging_power(self) -> Array | None:
+        """∂H_d/∂t at the same coordinates: what the clock alone adds to H_d, shape (N,) [W].
+
+        None for a law that does not change with time, and of a file that was written without it.
+        """
+        return self._derived("aging").get("aging_power")
+
+    @property
     def force_output(self) -> Array:
         """portᵀ∇H_d, shape (N, n) [rad/s]: the velocity with which f_e does work on H_d."""
         return self._column("force_output")
@@ -368,8 +376,9 @@ class Log(Exported):
     def power_balance(self, of: str = "storage") -> PowerBalance:
         """Recompute the rate of an energy from the samples and set it against its parts.
 
-        ``of="storage"`` checks the closed loop: Ḣ_d = supplied_power − dissipated_power, the promise of the
-        law. A held (sampled) or saturated torque is not the law's; what that costs shows as residual.
+        ``of="storage"`` checks the closed loop: Ḣ_d = supplied_power − dissipated_power + ∂H_d/∂t, the promise of the
+        law; the last, at the same coordinates, is there of a law that changes with time. A held (sampled) or saturated
+        torque is not the law's; what that costs shows as residual.
         ``of="plant"`` checks the arm alone: Ḣ = yᵀu + q̇ᵀf_e − q̇ᵀD q̇, whatever the torque.
         ``of="all"`` checks arm and touched bodies together, whose contact forces are inner ones.
         The residual is of the order of dt⁴ where everything is smooth, and larger where a force jumps.
@@ -382,9 +391,11 @@ class Log(Exported):
         potentials of the user's own).
         """
         choice("energy", of, ("storage", "plant", "all"))
+        by_clock = None
         if of == "storage":
             of_law = self._derived("storage", "promise")
             stored, supplied, lost = of_law["storage"], of_law["supplied_power"], of_law["dissipated_power"]
+            by_clock = self.aging_power
         else:
             arm = self._mechanical()
             stored = arm["kinetic_energy"] + arm["potential_energy"]
@@ -397,7 +408,8 @@ class Log(Exported):
         step = self.time[1] - self.time[0]
         rate = (8.0 * (stored[3:-1] - stored[1:-3]) - (stored[4:] - stored[:-4])) / (12.0 * step)
         inner = slice(2, -2)
-        return PowerBalance(self.time[inner], rate, supplied[inner], lost[inner])
+        aging = np.zeros_like(stored) if by_clock is None else by_clock
+        return PowerBalance(self.time[inner], rate, supplied[inner], lost[inner], aging[inner])
 
     # --- files --------------------------------------------------------------------------------------
 

@@ -18,11 +18,13 @@ class PowerBalance:
     """Rate of the stored energy, by finite differences of fourth order over the samples."""
     supplied: Array
     dissipated: Array
+    aging: Array
+    """∂H_d/∂t at the same coordinates: what the clock alone adds, 0 for the energy of the arm and for most laws."""
 
     @property
     def residual(self) -> Array:
-        """Difference rate − (supplied − dissipated) [W]; zero for an exact run."""
-        residual: Array = self.rate - (self.supplied - self.dissipated)
+        """Difference rate − (supplied − dissipated + aging) [W]; zero for an exact run."""
+        residual: Array = self.rate - (self.supplied - self.dissipated + self.aging)
         return residual
 
     @property
@@ -42,5 +44,7 @@ class PowerBalance:
     @property
     def relative_residual(self) -> float:
         """Largest |residual| over the largest power."""
-        power = max(float(np.abs(part).max(initial=0.0)) for part in (self.rate, self.supplied, self.dissipated))
+        power = max(
+            float(np.abs(part).max(initial=0.0)) for part in (self.rate, self.supplied, self.dissipated, self.aging)
+        )
         return self.largest_residual / power if power > 0.0 else 0.0

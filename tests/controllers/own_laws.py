@@ -293,10 +293,13 @@ REFUSED = {
     ShortGradient: ("part 'error' has 2 coordinates, but a gradient of 1", "target|made"),
     BlockOfAnotherShape: (r"block \('error', 'momentum'\) must have shape \(2, 2\), but has shape \(1, 2\)", "target"),
     BlockOfNoPart: (r"block \('error', 'momentum'\) names no part; there are 'momentum'", "target"),
-    NoTarget: ("must be a Target, but is NoneType", "target"),
-    StorageOfEachJoint: (r"storage: must be a number \[J\], but has shape \(2,\)", "storage"),
-    StorageThatIsNone: ("storage: must be finite, but is nan", "storage"),
-    TargetThatIsNone: ("target.gradient: must be finite|torque that is not finite", "target"),
+    NoTarget: ("NoTarget.target returned None, expected a Target", "target"),
+    StorageOfEachJoint: (
+        r"StorageOfEachJoint.storage returned an array of shape \(2,\), expected a number \[J\]",
+        "storage",
+    ),
+    StorageThatIsNone: (r"StorageThatIsNone.storage returned nan, expected a finite number \[J\]", "storage"),
+    TargetThatIsNone: ("target returned a Target whose gradient must be finite|torque that is not finite", "target"),
     Raises: ("ValueError: matmul", "target"),
     UnknownFrame: ("unknown frame 'hnad' of pera_shoulder", "target"),
 }
