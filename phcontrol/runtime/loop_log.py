@@ -165,7 +165,9 @@ class LoopLog:
         try:
             _lock(old)
         except BlockingIOError as error:
-            raise PHControlError(f"{self.path}: another LoopLog is writing this file; give each loop its own") from error
+            raise PHControlError(
+                f"{self.path}: another LoopLog is writing this file; give each loop its own"
+            ) from error
         finally:
             os.close(old)
 
