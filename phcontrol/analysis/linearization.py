@@ -129,7 +129,7 @@ class Linearization:
 
     def gain(self, frequency: float) -> float:
         """Return the largest singular value from f_e to portᵀ∇H_d at a frequency [rad/s]."""
-        inner = np.linalg.solve(1j * frequency * np.eye(len(self.A)) - self.A, self.B)
+        inner = np.linalg.solve(1j * number("frequency", frequency) * np.eye(len(self.A)) - self.A, self.B)
         return float(np.linalg.svd(self.force_output @ inner, compute_uv=False)[0])
 
     @property

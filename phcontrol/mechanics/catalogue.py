@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from phcontrol._validation import file_path
 from phcontrol.exceptions import RobotDescriptionError, UnknownNameError
 
 if sys.version_info >= (3, 11):
@@ -60,6 +61,7 @@ class Description:
 
 def find(source: str | os.PathLike[str]) -> Description:
     """Return where the description of a robot is. Raises UnknownNameError or RobotDescriptionError."""
+    file_path("source", source)
     name = os.fspath(source)
     is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
     if is_path:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, instance, positive
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.runtime.control_loop import GRAVITY, ControlLoop, Gravity
 from phcontrol.sensors.measured import NOTHING, Measured
@@ -93,8 +93,7 @@ def drive(
             whose time it is, or the duration has too many periods.
         ArmError: the arm stopped by itself.
     """
-    if not isinstance(loop, ControlLoop):
-        raise InvalidArgumentError("loop", f"must be a ControlLoop, but is {type(loop).__name__}")
+    instance("loop", loop, ControlLoop)
     if each_step is not None and not callable(each_step):
         raise InvalidArgumentError("each_step", f"must be a function, but is {each_step!r}")
     steps = round(min(positive("duration", duration) / loop.period, 1e300))

@@ -8,16 +8,15 @@ import mmap
 import os
 import struct
 import time
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from phcontrol._files import check_file_place, open_regular
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, file_path, instance, positive
 from phcontrol._version import __version__
-from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
+from phcontrol.exceptions import DataFileError, PHControlError
 from phcontrol.runtime.arm_driver import Reading
 from phcontrol.runtime.control_loop import ControlLoop
 from phcontrol.runtime.loop_mode import LoopMode
@@ -59,11 +58,7 @@ class LoopLog:
     """
 
     def __init__(self, path: str | os.PathLike[str], loop: ControlLoop, duration: float = 600.0) -> None:
-        if not isinstance(loop, ControlLoop):
-            raise InvalidArgumentError("loop", f"must be a ControlLoop, but is {type(loop).__name__}")
-        if not isinstance(path, (str, os.PathLike)):
-            raise InvalidArgumentError("path", f"must be the path of a file, but is {path!r}")
-        self.path, self._loop = Path(path), loop
+        self.path, self._loop = file_path("path", path), instance("loop", loop, ControlLoop)
         n, states = loop.system.n, loop.controller_state.size
         self._sizes = {
             "time": 1, "age": 1, "computing": 1, "mode": 1, "filter": 1,
@@ -248,6 +243,7 @@ def read_loop_log(path: str | os.PathLike[str]) -> LoopRecord:
 
     Raises DataFileError where the file is none, is cut off, or is not as it was written.
     """
+    file_path("path", path)
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size

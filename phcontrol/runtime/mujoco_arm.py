@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, flag, positive, real_array, vector, whole_multiple
-from phcontrol.exceptions import PHControlError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.runtime.arm_driver import Pace, Reading
 from phcontrol.runtime.control_loop import GRAVITY, Gravity
@@ -83,7 +83,7 @@ class MujocoArm:
             step = self.period if step is None else step
         else:
             # a copy: steps and actuators are set on it
-            self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else copy.copy(model)
+            self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else copy.copy(_of_mujoco(model))
             if step is None:
                 step = min(float(self.model.opt.timestep), self.period)
         if step is not None:
@@ -162,6 +162,15 @@ class MujocoArm:
             push = data.xfrc_applied[body]
             mujoco.mj_applyFT(model, data, push[:3], push[3:], data.xipos[body], int(body), self._pull)
         return np.array(self._pull[self._freedoms])
+
+
+def _of_mujoco(model: Any) -> Any:
+    """Return an MjModel. Raises InvalidArgumentError for anything else."""
+    if not isinstance(model, load_mujoco().MjModel):
+        raise InvalidArgumentError(
+            "model", f"must be the path of an MJCF file, a mujoco.MjModel or None, but is {type(model).__name__}"
+        )
+    return model
 
 
 def _integrators() -> tuple[str, ...]:

@@ -73,6 +73,8 @@ class Run:
         state = controller.initial_state(controller.system.at(position, velocity))
         if controller_state0 is not None:
             state = vector("controller_state0", controller_state0, state.size)
+        if control_period is not None:
+            positive("control_period", control_period)
         if torque_filter is not None:
             check_filter(torque_filter, controller, control_period)
             control_period = torque_filter.period

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from phcontrol import (
     ControlBox,
     ControlLoop,
     DataFileError,
+    InvalidArgumentError,
     Limits,
     LoopLog,
     LoopMode,
@@ -28,6 +30,7 @@ from phcontrol import (
     simulate,
 )
 from phcontrol.runtime import loop_log
+from phcontrol.simulation.signals import Signal, Signals
 from tests.conftest import make_system
 
 PERIOD = 1e-3
@@ -235,7 +238,7 @@ def test_a_log_whose_head_was_edited_is_refused(tmp_path, old, new):
     path = tmp_path / "run.loop"
     run(path, steps=5, duration=0.05)
     content = bytearray(path.read_bytes())
-    length, first = int.from_bytes(content[8:16], "little"), content.index(b"{")
+    length, first = int.from_bytes(content[8:16], "little"), loop_log._HEAD.size
     text = bytes(content[first : first + length])
     assert old in text
     edited = text.replace(old, new)
@@ -249,7 +252,7 @@ def test_a_log_whose_head_was_edited_is_refused(tmp_path, old, new):
 def edited_log(path, change):
     """Write a log again whose text is changed, with a head that fits."""
     content = bytearray(path.read_bytes())
-    length, first = int.from_bytes(content[8:16], "little"), content.index(b"{")
+    length, first = int.from_bytes(content[8:16], "little"), loop_log._HEAD.size
     about = json.loads(content[first : first + length])
     change(about)
     text = json.dumps(about).encode()
@@ -349,6 +352,55 @@ def test_rerun_makes_a_recording(records, tmp_path):
         content = path.read_bytes()
         assert content[:4] == b"RRF2"
         assert b"/torque/" in content
+
+
+class BrokenStream:
+    """A recording that fails in the middle, as on a full disk."""
+
+    def __init__(self, name):
+        self.file = None
+
+    def save(self, path):
+        self.file = open(path, "wb")  # noqa: SIM115
+        self.file.write(b"RRF2 half")
+
+    def log(self, *_, **__):
+        self.file.close()
+        raise OSError(28, "No space left on device")
+
+
+def test_a_rerun_recording_is_whole_or_the_old_one(records, tmp_path, monkeypatch):
+    """The file of before was there in part only."""
+    monkeypatch.setitem(
+        sys.modules,
+        "rerun",
+        SimpleNamespace(RecordingStream=BrokenStream, TimeColumn=lambda *_, **__: None, SeriesLines=lambda **_: None),
+    )
+    path = tmp_path / "exports" / "run.rrd"
+    path.parent.mkdir()
+    path.write_bytes(b"of before")
+    for source in records:
+        with pytest.raises(DataFileError, match="No space left"):
+            source.to_rerun(path)
+    assert path.read_bytes() == b"of before"
+    assert [item.name for item in path.parent.iterdir()] == ["run.rrd"]
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, -1.0, 1e300])
+@pytest.mark.parametrize("way", ["to_mcap", "to_rerun"])
+def test_times_that_no_file_has_are_refused(time, way, tmp_path, monkeypatch):
+    """struct.error left ``to_mcap``."""
+    if way == "to_mcap":
+        pytest.importorskip("mcap")
+    else:
+        monkeypatch.setitem(sys.modules, "rerun", SimpleNamespace())
+    signals = Signals(np.array([0.0, time]), {"a": Signal(np.zeros(2), "m")}, {"robot": "arm"})
+    with pytest.raises(InvalidArgumentError, match="time: must be"):
+        getattr(signals, way)(tmp_path / "file")
+    signals = Signals(np.array([0.0, 1.0]), {"a": Signal(np.zeros(3), "m")}, {"robot": "arm"})
+    with pytest.raises(InvalidArgumentError, match="a: has 3 samples, but there are 2 times"):
+        getattr(signals, way)(tmp_path / "file")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("way", ["to_xarray", "to_mcap", "to_rerun"])
