@@ -21,7 +21,6 @@ from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.markup import read_markup
 from phcontrol.mechanics.mjcf import read_mjcf
-from phcontrol.mechanics.mjcf_comparison import check_against_mujoco
 from phcontrol.mechanics.payload import Payload, check_payloads
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
@@ -134,12 +133,11 @@ def _read_mjcf(description: Description, locked_joints: Sequence[str] | Mapping[
         return None
     locked = frozenset(locked_joints) if not isinstance(locked_joints, str) else frozenset()
     try:
-        found = read_mjcf(root, description.label, locked)
+        found = read_mjcf(description.path, root, description.label, locked)
     except PHControlError:
         raise
     except (LookupError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise RobotDescriptionError(f"{description.label}: not a valid MJCF: {error!r}") from error
-    check_against_mujoco(found, description.path, description.label)
     description.extras = {"armature": found.armature} | ({"home": found.home} if found.home else {})
     return found.urdf
 
