@@ -110,10 +110,10 @@ class _Arm:
         if not name:
             return
         body = self._mujoco.mj_name2id(model, self._mujoco.mjtObj.mjOBJ_BODY, name)
-        if body >= 0:
-            if self._places[body][0] != link or not self._places[body][1].isApprox(pose, 1e-12):
-                self._findings.add(0, f"'{name}' names a body and a site, at different places")
-            return
+        if body >= 0:  # MuJoCo allows both to have it
+            if self._places[body][0] == link and self._places[body][1].isApprox(pose, 1e-12):
+                return
+            name = f"{name}_site"
         self._add(Link(name, None, 0))
         self._fixed(name, link, pose)
 

@@ -119,9 +119,8 @@ class _Comparison:
             self._theirs.site(i).name: (self._data.site_xpos[i], self._data.site_xmat[i])
             for i in range(self._theirs.nsite)
         }
-        found = [
-            f"'{name}' names a body and a site, at different places" for name in bodies.keys() & sites.keys() if name
-        ]
+        sites = {f"{name}_site" if name in bodies else name: place for name, place in sites.items()}
+        found = []
         for name, (position, rotation) in (sites | bodies).items():
             if not name or name == "world" or not self._ours.existFrame(name, pin.FrameType.BODY):
                 continue

@@ -18,7 +18,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.mechanics import mjcf
+from phcontrol.mechanics import catalogue, mjcf
 from phcontrol.mechanics.loading import robot_from_record
 from tests.mechanics import mjcf_reference as reference
 
@@ -142,7 +142,6 @@ CHANGES = [
      "actuator 'slow' of joint 'waist' has a state of its own"),
     (*with_actuator('<motor name="jet" site="tip"/>'), r"actuator 'jet' acts on no joint \(on a site\)"),
     (*with_actuator('<adhesion name="glue" body="plate" ctrlrange="0 1"/>'), "actuator 'glue' acts on no joint"),
-    ('<site name="tip" pos="0 0 0.25"', '<site name="plate" pos="0 0 0.25"', "'plate' names a body and a site"),
     ('<site name="tip"', '<site name="waist_axis" pos="0 0 0.1"/><site name="tip"', "'waist_axis' names more than one"),
 ]  # fmt: skip
 
@@ -231,6 +230,18 @@ def test_efforts_are_those_of_the_actuators_as_compiled(actuators, effort, tmp_p
         assert min(made) == pytest.approx(effort)
 
 
+def test_a_site_may_have_the_name_of_a_body(tmp_path):
+    """As in models that people share; the body's frame has the name."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(reference.ARM.replace('<site name="tip"', '<site name="plate"'))
+    robot, plain = load_robot(path), load("arm", tmp_path)
+    for name, as_before in (("plate", "plate"), ("plate_site", "tip")):
+        assert robot.placement(name, robot.home).isApprox(plain.placement(as_before, robot.home), 1e-12)
+    path.write_text(reference.ARM.replace('<site name="tip"', '<site name="upper" quat="1 0 0 0"/><site name="tip"'))
+    assert "upper_site" not in load_robot(path).frame_names  # it is where the body is
+
+
 def test_what_locked_joints_have_does_nothing(tmp_path):
     """Springs, states of actuators and tendons of a joint that is held."""
     pytest.importorskip("mujoco")
@@ -283,7 +294,7 @@ def test_a_xacro_file_is_expanded(tmp_path):
 
 
 def test_what_is_not_installed_is_said(tmp_path, monkeypatch):
-    for name in ("xacrodoc", "robot_descriptions", "franky_sim"):
+    for name in ("xacrodoc", "robot_descriptions"):
         monkeypatch.setitem(sys.modules, name, None)
     path = tmp_path / "arm.xacro"
     path.write_text("<robot/>")
@@ -291,8 +302,8 @@ def test_what_is_not_installed_is_said(tmp_path, monkeypatch):
         load_robot(path)
     with pytest.raises(RobotDescriptionError, match="needs robot_descriptions"):
         load_robot("robot_descriptions:iiwa14_description")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(RobotDescriptionError, match="fr3: comes with franky_sim: pip install franky-sim"):
+    monkeypatch.setitem(catalogue.installed(), "fr3", catalogue.installed()["fr3"] | {"package": "not-installed"})
+    with pytest.raises(RobotDescriptionError, match="fr3: comes with not-installed: pip install not-installed"):
         load_robot("fr3")
 
 
