@@ -182,15 +182,17 @@ def number(
     return result
 
 
-def positive(name: str, value: float) -> float:
-    """Return ``value`` as a finite float > 0."""
-    return number(name, value, minimum=0.0, exclusive=True)
+def positive(name: str, value: float, *, maximum: float = math.inf) -> float:
+    """Return ``value`` as a finite float > 0, and not above ``maximum``."""
+    return number(name, value, minimum=0.0, exclusive=True, maximum=maximum)
 
 
-def count(name: str, value: int, *, minimum: int = 1) -> int:
-    """Return ``value`` as an integer not below ``minimum``."""
+def count(name: str, value: int, *, minimum: int = 1, maximum: int = 2**63 - 1) -> int:
+    """Return ``value`` as an integer not below ``minimum`` nor above ``maximum``."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < minimum:
         raise InvalidArgumentError(name, f"must be an integer >= {minimum}, but is {value!r}")
+    if value > maximum:
+        raise InvalidArgumentError(name, f"must be at most {maximum:g}, but has {len(str(value))} digits")
     return int(value)
 
 

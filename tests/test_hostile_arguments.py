@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from phcontrol import (
+    ControlBox,
+    ControlLoop,
     InvalidArgumentError,
     Limits,
     Log,
@@ -15,6 +17,9 @@ from phcontrol import (
     MechanicalSystem,
     MujocoArm,
     PHControlError,
+    SimulatedArm,
+    StopVelocity,
+    TorqueFilter,
     compare,
     drive,
     exciting_trajectory,
@@ -108,3 +113,40 @@ def test_a_drive_that_would_not_end_is_refused(things):
         drive(loop, None, 1.0)
     with pytest.raises(InvalidArgumentError, match="each_step: must be a function"):
         drive(loop, arm, 1.0, each_step=3)
+
+
+@pytest.mark.parametrize("nonsense", [*NONSENSE, np.zeros((2, 2, 2)), 10**400], ids=lambda value: type(value).__name__)
+def test_what_a_loop_is_made_of_is_looked_at(things, nonsense):
+    """AttributeError, OverflowError and unhashable types left the constructors."""
+    _, system, law, _ = things
+    box = ControlBox(system, period=1e-3)
+    calls = {
+        "ControlLoop system": lambda: ControlLoop(nonsense, law, 1e-3),
+        "ControlLoop controller": lambda: ControlLoop(system, nonsense, 1e-3),
+        "ControlBox": lambda: ControlBox(nonsense, period=1e-3),
+        "SimulatedArm": lambda: SimulatedArm(nonsense),
+        "Limits": lambda: Limits(nonsense),
+        "Limits.franka": lambda: Limits.franka(nonsense),
+        "TorqueFilter solver": lambda: TorqueFilter(system, period=1e-3, solver=nonsense),
+        "make_controller name": lambda: make_controller(nonsense, system),
+    }
+    if nonsense is not None:
+        calls["SimulatedArm readings"] = lambda: SimulatedArm(box, readings=nonsense)
+    for name, call in calls.items():
+        with pytest.raises(PHControlError) as caught:
+            call()
+        assert caught.value, name
+
+
+def test_numbers_too_large_are_refused(things):
+    _, system, law, _ = things
+    found = linearize(law, system)
+    for call in (
+        lambda: ControlLoop(system, law, 1e308),
+        lambda: ControlLoop(system, law, 1e-3, stale_after=1e308),
+        lambda: StopVelocity(10**400, 1.0),
+        lambda: found.sampled(1e-3, delay=10**9),
+        lambda: found.step_response(1.0, samples=10**12),
+    ):
+        with pytest.raises(InvalidArgumentError):
+            call()

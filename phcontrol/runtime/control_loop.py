@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from phcontrol._smooth import smooth
 from phcontrol._validation import Array, choice, number, per_joint, positive, real_array
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
@@ -38,6 +38,7 @@ _SENT = 1e-4  # by which an arm's word of what it was sent is rounded [N·m]
 _MOST_MISSED = 20  # periods more than kept, before the loop stops
 _JUMP_FACTOR = 2.0  # times the fastest motion within the limits
 _SPEED_FACTOR = 5.0  # times that, which no true velocity reaches
+_LONGEST = 1e5  # period, or age of a reading [s]
 _BEYOND = 2.0 * math.pi  # the limits, where no joint is [rad]
 _MOST_TURNS = 1e6  # of a joint without limits [rad]
 
@@ -109,14 +110,16 @@ class ControlLoop:
         gravity: Gravity = "controller",
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.period = positive("period", period)
+        check_loop(controller, system)
+        self.period = positive("period", period, maximum=_LONGEST)
         if controller.system.n != system.n:
             raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
         system.need_constant_input("the stop of a control loop")
         self.system = system
         self.start_time = number("start_time", start_time, minimum=0.0)
         self.stop_time = number("stop_time", stop_time, minimum=0.0)
-        self.stale_after = 10.0 * self.period if stale_after is None else positive("stale_after", stale_after)
+        stale = 10.0 * self.period if stale_after is None else stale_after
+        self.stale_after = positive("stale_after", stale, maximum=10.0 * _LONGEST)
         self.deadline = self.period if deadline is None else positive("deadline", deadline)
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.2
         damping: Array = inertia if holding_damping is None else per_joint("holding_damping", holding_damping, system.n)
