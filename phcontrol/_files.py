@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
+from phcontrol._validation import file_path
 from phcontrol.exceptions import DataFileError
 
 
@@ -22,7 +23,7 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
     or device there is refused. Raises DataFileError, and leaves no partial file, when the disk is full or the place
     is not writable.
     """
-    target = Path(path)
+    target = file_path("path", path)
     temporary: Path | None = None
     try:
         make_folder(target.parent)
@@ -41,6 +42,26 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+    return target
+
+
+def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> Path:
+    """Let ``write`` make a file at a place of its own beside ``path``, then move it there: for programs that open
+    files themselves.
+
+    Raises as ``write_atomically`` does.
+    """  # noqa: D205
+    target = file_path("path", path)
+    check_file_place(target)
+    try:
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".", suffix=".part") as folder:
+            made = Path(folder, target.name)
+            write(made)
+            with open(made, "rb") as file:
+                os.fsync(file.fileno())
+            os.replace(made, target)
+    except OSError as error:
+        raise DataFileError(f"cannot write {target}: {_reason(error)}") from error
     return target
 
 
@@ -66,9 +87,10 @@ def make_folder(folder: str | os.PathLike[str]) -> None:
 
 def check_file_place(path: str | os.PathLike[str]) -> None:
     """Find out before a long run, not after it, that a file cannot be written. Raises DataFileError."""
+    target = file_path("path", path)
     try:
-        check_folder(Path(path).parent)
-        _check_replaceable(Path(path))
+        check_folder(target.parent)
+        _check_replaceable(target)
     except OSError as error:
         raise DataFileError(f"cannot write {path}: {_reason(error)}") from error
 
@@ -85,6 +107,7 @@ def open_regular(path: str | os.PathLike[str], *, follow_links: bool = True) -> 
 
     Raises DataFileError.
     """
+    path = file_path("path", path)
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     if not follow_links:
         flags |= getattr(os, "O_NOFOLLOW", 0)

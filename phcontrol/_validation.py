@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterable
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind")
 
 _DECIMAL = re.compile(r"[ \t\r\n]*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?[ \t\r\n]*")
 
@@ -179,15 +182,17 @@ def number(
     return result
 
 
-def positive(name: str, value: float) -> float:
-    """Return ``value`` as a finite float > 0."""
-    return number(name, value, minimum=0.0, exclusive=True)
+def positive(name: str, value: float, *, maximum: float = math.inf) -> float:
+    """Return ``value`` as a finite float > 0, and not above ``maximum``."""
+    return number(name, value, minimum=0.0, exclusive=True, maximum=maximum)
 
 
-def count(name: str, value: int, *, minimum: int = 1) -> int:
-    """Return ``value`` as an integer not below ``minimum``."""
+def count(name: str, value: int, *, minimum: int = 1, maximum: int = 2**63 - 1) -> int:
+    """Return ``value`` as an integer not below ``minimum`` nor above ``maximum``."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < minimum:
         raise InvalidArgumentError(name, f"must be an integer >= {minimum}, but is {value!r}")
+    if value > maximum:
+        raise InvalidArgumentError(name, f"must be at most {maximum:g}, but has {len(str(value))} digits")
     return int(value)
 
 
@@ -203,6 +208,20 @@ def text(name: str, value: Any) -> str:
     if not isinstance(value, str) or not value:
         raise InvalidArgumentError(name, f"must be a name, but is {value!r}")
     return value
+
+
+def instance(name: str, value: Any, kind: type[Kind]) -> Kind:
+    """Return ``value`` when it is a ``kind``."""
+    if not isinstance(value, kind):
+        raise InvalidArgumentError(name, f"must be a {kind.__name__}, but is {type(value).__name__}")
+    return value
+
+
+def file_path(name: str, value: Any) -> Path:
+    """Return ``value`` as a path; a number is none, though the system would take it for an open file."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise InvalidArgumentError(name, f"must be the path of a file, but is {value!r}")
+    return Path(value)
 
 
 def choice(kind: str, value: Any, options: Iterable[str]) -> str:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 ACCURACY = 1e-4
 """The largest error of finite differences, over the largest entry of what is differentiated."""
 _LEFT = 1e-8  # rates that an equilibrium under load may leave
+_MOST_DELAY = 1000  # periods
 _DECADES, _POINTS = 3, 600  # how far beyond the eigenvalues frequencies are looked at, and how many
 _FASTEST, _SLOWEST = 1e-2, 10.0  # periods that are looked at, over the fastest and the slowest time constant
 _LONGEST = 1e3  # [s]
@@ -116,7 +117,7 @@ class Linearization:
 
     def step_response(self, duration: float, samples: int = 400) -> tuple[Array, Array]:
         """Return times, shape (N,) [s], and the outputs after a step of 1 N·m in each input, shape (N, 3n, n)."""
-        time = np.linspace(0.0, positive("duration", duration), count("samples", samples))
+        time = np.linspace(0.0, positive("duration", duration), count("samples", samples, maximum=10**6))
         size, inputs = self.B.shape
         held = np.zeros((size + inputs, size + inputs))
         held[:size] = np.hstack([self.A, self.B])
@@ -129,7 +130,7 @@ class Linearization:
 
     def gain(self, frequency: float) -> float:
         """Return the largest singular value from f_e to portᵀ∇H_d at a frequency [rad/s]."""
-        inner = np.linalg.solve(1j * frequency * np.eye(len(self.A)) - self.A, self.B)
+        inner = np.linalg.solve(1j * number("frequency", frequency) * np.eye(len(self.A)) - self.A, self.B)
         return float(np.linalg.svd(self.force_output @ inner, compute_uv=False)[0])
 
     @property
@@ -149,7 +150,7 @@ class Linearization:
 
     def sampled(self, period: float, delay: int = 1) -> SampledLoop:
         """Return the loop whose torque is computed once a period [s], held, and applied ``delay`` periods later."""
-        h, d = positive("period", period), count("delay", delay, minimum=0)
+        h, d = positive("period", period), count("delay", delay, minimum=0, maximum=_MOST_DELAY)
         A, B = sampled_matrices(self.jacobian, h, d)
         waiting = len(A) - len(self.A)
         names = tuple(f"u{k + 1}[{joint}]" for k in range(d) for joint in self.joints)
@@ -165,7 +166,7 @@ class Linearization:
         slowest = float(rates[rates > 1e-9 * rates.max()].min())
         last = min(_SLOWEST / slowest, _LONGEST)
         return longest_stable_period(
-            self.jacobian, count("delay", delay, minimum=0), _FASTEST / float(rates.max()), last
+            self.jacobian, count("delay", delay, minimum=0, maximum=_MOST_DELAY), _FASTEST / float(rates.max()), last
         )
 
     def to_control(self) -> control.StateSpace:

@@ -207,6 +207,8 @@ def find_law(name: str, folder: str | None = None) -> Entry:
         InvalidArgumentError: what is named is no law that can be made.
         LawError: its module raised an error; says where.
     """
+    if not isinstance(name, str):
+        raise UnknownNameError("controller", str(name), list(CONTROLLERS))
     if name in CONTROLLERS:
         return CONTROLLERS[name]
     if isinstance(name, str) and ":" in name:

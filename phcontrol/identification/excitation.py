@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, count, number, positive, vector
+from phcontrol._validation import Array, count, instance, number, positive, vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.identification.parameters import GROUPS, Parameters, parameters_of, torque_columns
 from phcontrol.mechanics.robot import Robot
@@ -89,7 +89,12 @@ def exciting_trajectory(
         (True, True)
     """
     system = robot if isinstance(robot, MechanicalSystem) else MechanicalSystem(robot)
-    limits = Limits(system) if limits is None else limits
+    limits = Limits(system) if limits is None else instance("limits", limits, Limits)
+    if limits.lower.shape != (system.n,):
+        raise InvalidArgumentError(
+            "limits", f"are of {limits.lower.size} joints, but {system.robot.name} has {system.n}"
+        )
+    count("seed", seed, minimum=0)
     parameters = parameters_of(system.robot, what, frame)
     duration = positive("duration", duration)
     count("candidates", candidates)

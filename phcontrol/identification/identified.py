@@ -14,6 +14,8 @@ from phcontrol.mechanics.robot import Robot
 
 WORSE = 2.0
 """Times that of the fit, beyond which an error of prediction on data kept back is doubted."""
+_NOTHING = 1e-4
+"""Part of the torque, below which an error of prediction is none: sums over samples are as exact as that."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,15 @@ class Prediction:
     """Whether a window was kept back from the fit, shape (windows,)."""
 
     def error(self, which: str, *, kept_back: bool) -> Array:
-        """Return the root mean square of "before" or "after" less measured, a joint each, shape (n,) [N·m]."""
+        """Return the root mean square of "before" or "after" less measured, a joint each, shape (n,) [N·m].
+
+        NaN where there are no such windows.
+        """
         choice("prediction", which, ("before", "after"))
         predicted = self.before if which == "before" else self.after
         rows = self.kept_back if kept_back else ~self.kept_back
+        if not rows.any():
+            return np.full(self.measured.shape[1], np.nan)
         error: Array = np.sqrt(np.mean((predicted[rows] - self.measured[rows]) ** 2, axis=0))
         return error
 
@@ -62,6 +69,8 @@ class Identification:
     payload: Payload | None
     """The body at its frame; None when it was not asked for."""
     prediction: Prediction
+    doubts: tuple[str, ...] = ()
+    """What speaks against the logs themselves; with any of these nothing is confirmed."""
 
     def __getitem__(self, name: str) -> float:
         """Return a parameter's value by its name. Raises UnknownNameError, listing them."""
@@ -73,12 +82,28 @@ class Identification:
 
     @property
     def passed(self) -> bool:
-        """Whether on data kept back the model predicts better than before, and no more than twice worse than fitted."""
+        """Whether data kept back confirm it, and nothing speaks against the logs.
+
+        The model must not predict worse than before, and no more than twice worse than where it was fitted; errors
+        below 1e-4 of the torque are none.
+        """
+        if self.doubts or not self.prediction.kept_back.any():
+            return False
         fitted, kept, before = (
             float(np.linalg.norm(self.prediction.error(which, kept_back=back)))
             for which, back in (("after", False), ("after", True), ("before", True))
         )
-        return kept <= before and kept <= WORSE * fitted + 1e-3 * before
+        measured = self.prediction.measured[self.prediction.kept_back]
+        nothing = _NOTHING * float(np.sqrt(np.mean(np.sum(measured**2, axis=1))))
+        return kept <= before + nothing and kept <= WORSE * fitted + 1e-3 * before + nothing
+
+    @property
+    def verdict(self) -> str:
+        """What the data kept back say, in words."""
+        if not self.prediction.kept_back.any():
+            return "none kept back: NOT confirmed by any"
+        kept = int(self.prediction.kept_back.sum())
+        return f"{kept} kept back: " + ("confirmed by these" if self.passed else "NOT confirmed")
 
     def to_dict(self) -> dict[str, Any]:
         """Return values, deviations and errors of prediction, for JSON."""
@@ -98,9 +123,10 @@ class Identification:
             },
             "payload": None if self.payload is None else self.payload.record(),
             "corrected": list(self.corrected),
-            "error_before": prediction.error("before", kept_back=True).tolist(),
-            "error_after": prediction.error("after", kept_back=True).tolist(),
-            "error_fitted": prediction.error("after", kept_back=False).tolist(),
+            "doubts": list(self.doubts),
+            "error_before": _numbers(prediction.error("before", kept_back=True)),
+            "error_after": _numbers(prediction.error("after", kept_back=True)),
+            "error_fitted": _numbers(prediction.error("after", kept_back=False)),
             "passed": self.passed,
         }
 
@@ -108,8 +134,8 @@ class Identification:
         kept = int(self.prediction.kept_back.sum())
         lines = [
             f"identified {len(self.names) - len(self.untold)} parameters of {self.robot.name} from "
-            f"{len(self.prediction.time) - kept} windows, {kept} kept back: "
-            + ("confirmed by these" if self.passed else "NOT confirmed by these")
+            f"{len(self.prediction.time) - kept} windows, {self.verdict}",
+            *(f"  doubted: {doubt}" for doubt in self.doubts),
         ]
         if self.payload is not None:
             com = ", ".join(f"{x:.4g}" for x in self.payload.com)
@@ -118,8 +144,15 @@ class Identification:
             note = "  not told by the data" if name in self.untold else ""
             lines.append(f"  {name:<34}{value:>11.5f} ± {deviation:.1e} {unit}{note}")
         lines += [f"  made possible: {name}" for name in self.corrected]
+        if not kept:
+            return "\n".join(lines)
         lines.append("  error of predicted torque on data kept back, before and after [N·m]:")
         errors = (self.prediction.error(which, kept_back=True) for which in ("before", "after"))
         for name, before, after in zip(self.robot.joint_names, *errors, strict=True):
             lines.append(f"    {name:<32}{before:>11.4f}{after:>11.4f}")
         return "\n".join(lines)
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Return numbers for JSON, which has no NaN."""
+    return [float(value) if np.isfinite(value) else None for value in values]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from phcontrol._validation import Array, choice, number, positive
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.identification.agreement import LATE, check_agreement, said_delay
 from phcontrol.identification.consistency import consistent_values, inconsistent
 from phcontrol.identification.identified import Identification, Prediction
 from phcontrol.identification.motion import Motion, motions_of
@@ -31,6 +32,8 @@ _ROUNDS = 4  # of weighting the joints by what remains of their torques
 _FLOOR = 1e-3  # part of a joint's torque below which what remains is not believed to be all that is wrong
 _NULL = 1e-9  # part of the largest singular value below which a direction is not told at all
 _SHARE = 1e-2  # of a parameter in such a direction, from which on it is not told either
+_SIGMAS = 2.0  # by which torques must be late beyond what they may be, to be doubted
+_CLEARER = 0.15  # of the squares of what remains, that must be saved by it
 _ROWS = 3  # equations for each parameter, at least
 
 
@@ -54,6 +57,10 @@ def identify(
     friction is asked for, windows in which a joint turns round are left out of its equations: its velocity does not
     tell its friction there.
 
+    Torques that come later than the motion they make, by a period only, look like friction, and much of it: how late
+    they seem is estimated beside the parameters, and more than most of a period makes the result a doubted one
+    (``doubts``).
+
     Args:
         logs: of an arm that moved, best along an :func:`exciting_trajectory`; measurements as :class:`Motion`.
         what: groups out of "payload", "coulomb", "viscous", "armature" and "offset". Friction and rotors are found as
@@ -66,8 +73,9 @@ def identify(
         smoothing: α_f of the sign in the Coulomb friction [rad²/s²].
 
     Raises:
-        InvalidArgumentError: a log is too short, of another arm, or tells too little; the message names the parameters
-            that cannot be told.
+        InvalidArgumentError: a log is too short, of another arm, contradicts itself (times in another unit, velocities
+            that are late, or not the derivatives of the positions), or tells too little; the message names the
+            parameters that cannot be told.
         UnknownNameError: no such group or frame.
 
     Example:
@@ -94,6 +102,7 @@ def identify(
             raise InvalidArgumentError(
                 "logs", f"hold {motion.position.shape[1]} joints, but {system.robot.name} has {system.n}"
             )
+        check_agreement(system.robot, motion, window)
     parts = [equations_of(system, parameters, motion, window, smoothing) for motion in motions]
     kept = np.concatenate([_kept_back(len(item.time), share) for item in parts])
     equations = _joined(parts)
@@ -121,6 +130,7 @@ def identify(
     return Identification(
         _identified(system, parameters, values, body), parameters.names, parameters.units, values,
         np.sqrt(np.diag(covariance)), covariance, missing, corrected, body, prediction,
+        _doubts(fit, motions),
     )  # fmt: skip
 
 
@@ -142,6 +152,7 @@ class _Fit:
             remains = known - matrix @ x
             deviation = np.maximum(np.sqrt(np.sum(remains**2, axis=0) / count / freedom), floor)
         self.matrix, self.known = self._rows(matrix, known, deviation)
+        self._rate = (np.where(used, equations.torque_rate, 0.0) / deviation).ravel()
         self._found = np.linalg.svd(self.matrix, full_matrices=False)
 
     @staticmethod
@@ -156,6 +167,19 @@ class _Fit:
         lost = np.linalg.norm(directions[~told], axis=0) > _SHARE
         spread = np.linalg.norm(directions[told] / singular[told][:, None], axis=0) > 1.0
         return tuple(name for name, a, b in zip(self.parameters.names, lost, spread, strict=True) if a or b)
+
+    def delay(self) -> tuple[float, float, float]:
+        """Return by how many periods torques seem late, its standard deviation, and its share of what remains.
+
+        A torque u(t − τ) is u − τ u̇: τ is one more parameter. The share of the squares is 1 where it explains all.
+        """
+        A = np.column_stack([self.matrix, -self._rate])
+        x = np.linalg.lstsq(A, self.known, rcond=_NULL)[0]
+        plain = np.linalg.lstsq(self.matrix, self.known, rcond=_NULL)[0]
+        left, before = (float(np.sum((self.known - B @ y) ** 2)) for B, y in ((A, x), (self.matrix, plain)))
+        freedom = max(1, len(self.known) - A.shape[1])
+        deviation = np.sqrt(left / freedom * np.linalg.pinv(A.T @ A)[-1, -1])
+        return float(x[-1]), float(deviation), 1.0 - left / before if before > 0.0 else 0.0
 
     def triangle(self, plain: Array, missing: tuple[str, ...]) -> tuple[Array, Array]:
         """Return a matrix and a vector of which least squares are those of the fit; what is missing stays as it was."""
@@ -194,6 +218,17 @@ def _model(logs: Log | Motion | Sequence[Log | Motion], model: Robot | Mechanica
     return plant_from_record(first.metadata)
 
 
+def _doubts(fit: _Fit, motions: list[Motion]) -> tuple[str, ...]:
+    """Return in words what speaks against the logs."""
+    late, deviation, clearer = fit.delay()
+    if not (abs(late) > LATE + _SIGMAS * deviation and clearer > _CLEARER):
+        return ()
+    return (
+        f"torques that seem {said_delay(late, motions[0].period)} against the motion: shift them by that and see "
+        "whether they are predicted better; friction that is not asked for can look alike",
+    )
+
+
 def _check_friction(system: MechanicalSystem, parameters: Parameters) -> None:
     asked = {"coulomb", "viscous"} & set(parameters.groups)
     known = system.friction is None or isinstance(system.friction, StribeckFriction)
@@ -215,6 +250,7 @@ def _joined(parts: list[Equations]) -> Equations:
         np.concatenate([item.matrix for item in parts]),
         np.concatenate([item.known for item in parts]),
         np.concatenate([item.torque for item in parts]),
+        np.concatenate([item.torque_rate for item in parts]),
         np.concatenate([item.steady for item in parts]),
         np.concatenate(times),
     )

@@ -62,8 +62,10 @@ class Parameters:
 
 def parameters_of(robot: Robot, what: Sequence[str], frame: str | None) -> Parameters:
     """Return the parameters that ``what`` names, of an arm. Raises InvalidArgumentError or UnknownNameError."""
-    if isinstance(what, str) or not what:
+    if not isinstance(what, (list, tuple, set, frozenset)) or not what:
         raise InvalidArgumentError("what", f"must be a list of {', '.join(GROUPS)}, but is {what!r}")
+    if frame is not None:
+        robot.frame_id(frame)
     asked = [choice("group of parameters", name, GROUPS) for name in what]
     groups = tuple(name for name in GROUPS if name in asked)
     names: list[str] = []

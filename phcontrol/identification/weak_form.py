@@ -36,6 +36,8 @@ class Equations:
     """Torque less what the model says of all that is not a parameter, shape (windows, n) [N·m], averaged."""
     torque: Array
     """Torque, likewise averaged."""
+    torque_rate: Array
+    """Its derivative, likewise averaged, times the samples' distance: what it changes in a period."""
     steady: NDArray[np.bool_]
     """Whether a joint turns one way through a window, shape (windows, n): where it turns round or stands still, dry
     friction is not told by its velocity."""
@@ -77,21 +79,24 @@ def equations_of(
     weights = _Window(length, motion.period, motion.held)
     momentum, force = _terms(system, parameters, motion, smoothing)
     slow = np.abs(motion.velocity) < _TURNING * np.abs(motion.velocity).max(axis=0)
-    rows, torques, steady, times = [], [], [], []
+    rows, torques, rates, steady, times = [], [], [], [], []
     for first in starts:
         part = slice(first, first + length + 1)
         rows.append(
             np.tensordot(weights.samples, force[part], axes=1) - np.tensordot(weights.rates, momentum[part], axes=1)
         )
         torques.append(weights.torques @ motion.torque[part])
+        rates.append(-motion.period * (weights.rates @ motion.torque[part]))
         steady.append(~slow[part].any(axis=0))
         times.append(motion.time[first] + 0.5 * length * motion.period)
     if not rows:
         empty = np.zeros((0, system.n))
         nothing = np.zeros((0, system.n), dtype=bool)
-        return Equations(np.zeros((0, system.n, len(parameters.names))), empty, empty, nothing, np.zeros(0))
+        return Equations(np.zeros((0, system.n, len(parameters.names))), empty, empty, empty, nothing, np.zeros(0))
     whole, torque = np.array(rows), np.array(torques)
-    return Equations(whole[..., :-1], torque - whole[..., -1], torque, np.array(steady), np.array(times))
+    return Equations(
+        whole[..., :-1], torque - whole[..., -1], torque, np.array(rates), np.array(steady), np.array(times)
+    )
 
 
 def _terms(system: MechanicalSystem, parameters: Parameters, motion: Motion, smoothing: float) -> tuple[Array, Array]:

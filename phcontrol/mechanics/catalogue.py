@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
+import importlib.metadata
 import os
 import sys
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from phcontrol._validation import file_path
 from phcontrol.exceptions import RobotDescriptionError, UnknownNameError
 
 if sys.version_info >= (3, 11):
@@ -21,10 +22,6 @@ else:
 
 FETCHED = "robot_descriptions:"
 """What names of robot_descriptions begin with."""
-_READY = dict(zip((f"fr3_joint{i}" for i in range(1, 8)), (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), strict=True))
-INSTALLED = {"fr3": ("franky_sim", "assets/fr3.urdf", _READY | {"fr3_finger_joint1": 0.0})}
-"""Descriptions in packages of others, by name: the package, the file in it, a home posture [rad, m]. That of the Franka
-Research 3 is Franka Robotics' (franka_description, Apache 2.0), in franky-sim (Apache 2.0)."""
 
 
 def shipped_robots() -> dict[str, str]:
@@ -60,6 +57,7 @@ class Description:
 
 def find(source: str | os.PathLike[str]) -> Description:
     """Return where the description of a robot is. Raises UnknownNameError or RobotDescriptionError."""
+    file_path("source", source)
     name = os.fspath(source)
     is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
     if is_path:
@@ -72,11 +70,11 @@ def find(source: str | os.PathLike[str]) -> Description:
         return _find_fetched(name.removeprefix(FETCHED))
     if name in table():
         return Description(name, _urdf_directory() / f"{name}.urdf", extras=table()[name])
-    if name in INSTALLED:
+    if name in installed():
         return _find_installed(name)
     loaders = _example_loaders()
     if name not in loaders:
-        known = [*table(), *INSTALLED, *loaders]
+        known = [*table(), *installed(), *loaders]
         raise UnknownNameError("robot", name, known, "; a path to a URDF, xacro or MJCF file works too")
     return _find_example(name, loaders[name])
 
@@ -118,15 +116,16 @@ def _find_fetched(name: str) -> Description:
 
 def _find_installed(name: str) -> Description:
     """Return a description that another package ships, where that is installed."""
-    package, relative, home = INSTALLED[name]
-    found = importlib.util.find_spec(package)
-    if found is None or not found.submodule_search_locations:
-        raise RobotDescriptionError(f"{name}: comes with {package}: pip install {package.replace('_', '-')}")
-    path = Path(found.submodule_search_locations[0], relative)
+    entry = installed()[name]
+    package, relative = entry["package"], entry["file"]
+    try:
+        path = Path(str(importlib.metadata.distribution(package).locate_file(relative)))
+    except importlib.metadata.PackageNotFoundError as error:
+        raise RobotDescriptionError(f"{name}: comes with {package}: pip install {package}") from error
     if not path.is_file():
         raise RobotDescriptionError(f"{name}: {package} has no file {relative} any more")
-    extras = {"tool_frame": "fr3_hand_tcp", "home": home}
-    return Description(name, path, extras=extras, package_directories=(path.parent,))
+    extras = {key: entry[key] for key in ("tool_frame", "home", "effort", "velocity") if key in entry}
+    return Description(name, path, extras=extras, package_directories=tuple(path.parents)[:4])
 
 
 def _find_example(name: str, loader: Any) -> Description:
@@ -171,6 +170,12 @@ def _urdf_directory() -> Path:
 def table() -> dict[str, Any]:
     """Return robots.toml: what is known of each shipped robot, by name."""
     return _read("robots.toml")
+
+
+@cache
+def installed() -> dict[str, Any]:
+    """Return installed.toml: arms whose descriptions come with packages of others, by name."""
+    return _read("installed.toml")
 
 
 @cache

@@ -21,7 +21,6 @@ from phcontrol.mechanics.catalogue import Description, find
 from phcontrol.mechanics.friction import StribeckFriction
 from phcontrol.mechanics.markup import read_markup
 from phcontrol.mechanics.mjcf import read_mjcf
-from phcontrol.mechanics.mjcf_comparison import check_against_mujoco
 from phcontrol.mechanics.payload import Payload, check_payloads
 from phcontrol.mechanics.plausibility import check_bodies, doubts
 from phcontrol.mechanics.potentials import GripperSpring, OnJoint, Potential
@@ -134,13 +133,13 @@ def _read_mjcf(description: Description, locked_joints: Sequence[str] | Mapping[
         return None
     locked = frozenset(locked_joints) if not isinstance(locked_joints, str) else frozenset()
     try:
-        found = read_mjcf(root, description.label, locked)
+        found = read_mjcf(description.path, root, description.label, locked)
     except PHControlError:
         raise
     except (LookupError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise RobotDescriptionError(f"{description.label}: not a valid MJCF: {error!r}") from error
-    check_against_mujoco(found, description.path, description.label)
-    description.extras = {"armature": found.armature} | ({"home": found.home} if found.home else {})
+    described = {"armature": found.armature} | ({"home": found.home} if found.home else {})
+    description.extras = described | description.extras
     return found.urdf
 
 
@@ -292,8 +291,8 @@ def _assemble(
         home=home[index],
         lower=np.where(turning, -np.inf, np.asarray(model.lowerPositionLimit)[index]),
         upper=np.where(turning, np.inf, np.asarray(model.upperPositionLimit)[index]),
-        velocity_limit=_or_infinite(np.asarray(model.upperVelocityLimit)[index]),
-        effort_limit=_or_infinite(np.asarray(model.upperEffortLimit)[index]),
+        velocity_limit=_limit(np.asarray(model.upperVelocityLimit)[index], names, extras.get("velocity", {})),
+        effort_limit=_limit(np.asarray(model.upperEffortLimit)[index], names, extras.get("effort", {})),
         continuous=turning,
         stop_velocity=_stop_velocity([joints[name] for name in names]),
         prismatic=tuple(joints[name].kind == "prismatic" for name in names),
@@ -334,9 +333,12 @@ def _springs(extras: dict[str, Any], names: list[str]) -> tuple[Potential, ...]:
     return (OnJoint(spring, names.index(joint)),) if joint in names else ()
 
 
-def _or_infinite(values: Array) -> Array:
-    """A URDF without limits gives zeros, which would say that the joint cannot move at all."""
-    return np.where(values > 0.0, values, np.inf)
+def _limit(values: Array, names: Sequence[str], known: Mapping[str, float]) -> Array:
+    """Return limits, where a description gives none what is known beside it, and infinity where nothing is.
+
+    A URDF without limits gives zeros, which would say that the joint cannot move at all.
+    """
+    return np.where(values > 0.0, values, [known.get(name, np.inf) for name in names])
 
 
 def _unlimited(robot: Robot) -> Iterator[str]:

@@ -1,43 +1,30 @@
-"""An arm from MuJoCo's XML (MJCF), read strictly: what would be dropped is refused, by name and line.
+"""An arm from MuJoCo's XML (MJCF), as MuJoCo itself has compiled it.
 
-Pinocchio reads poses, inertias, classes of defaults and joints, of a text that holds nothing else (``_bare``). Here is
-checked beforehand that there is nothing that is passed over; limits are read (Pinocchio 4.1 takes ranges of slide
-joints for degrees, and of two unequal bounds of a force the larger one); and a URDF of what was understood is written,
-from which everything follows as for any arm.
+MJCF says a thing in many ways: classes of defaults, options of its compiler, shapes that give masses, files in files.
+None of it is read here: MuJoCo compiles the file, what its model holds that no arm of phcontrol has is refused
+(:mod:`mjcf_checks`), a URDF of the rest is written, from which everything follows as for any arm, and what came of that
+is held against MuJoCo again (:mod:`mjcf_comparison`).
 """
 
 from __future__ import annotations
 
 import math
-import tempfile
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
-from phcontrol._validation import Array, decimal
-from phcontrol.exceptions import RobotDescriptionError
+from phcontrol._validation import Array
 from phcontrol.mechanics.markup import Element
-from phcontrol.mechanics.mjcf_checks import check_elements
-from phcontrol.mechanics.mjcf_defaults import Defaults
+from phcontrol.mechanics.mjcf_checks import check_model, check_text
+from phcontrol.mechanics.mjcf_comparison import check_against_mujoco
+from phcontrol.mechanics.mujoco_file import compiled, load_mujoco
 from phcontrol.mechanics.urdf import UNBOUNDED, Findings, Inertial, Joint, Limit, Link, Triple, Urdf, as_text
 
-_KINDS = {
-    "JointModelRX": ("revolute", (1.0, 0.0, 0.0)),
-    "JointModelRY": ("revolute", (0.0, 1.0, 0.0)),
-    "JointModelRZ": ("revolute", (0.0, 0.0, 1.0)),
-    "JointModelRevoluteUnaligned": ("revolute", None),
-    "JointModelPX": ("prismatic", (1.0, 0.0, 0.0)),
-    "JointModelPY": ("prismatic", (0.0, 1.0, 0.0)),
-    "JointModelPZ": ("prismatic", (0.0, 0.0, 1.0)),
-    "JointModelPrismaticUnaligned": ("prismatic", None),
-}
 _BASE = "world"
-_STAGE = "phcontrol_stage"
+_NO_AXIS = (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -51,216 +38,179 @@ class Mjcf:
     """Joint positions of the keyframe "home" [rad, m]; empty without one."""
 
 
-def read_mjcf(root: Element, label: str, locked: frozenset[str]) -> Mjcf:
-    """Read an MJCF from its file; ``locked`` joints may be part of tendons and constraints, which then do nothing.
+def read_mjcf(path: Path, root: Element, label: str, locked: frozenset[str]) -> Mjcf:
+    """Read an MJCF file, whose ``root`` element is known already.
+
+    Tendons, constraints, springs and actuators of ``locked`` joints do nothing.
 
     Raises RobotDescriptionError, which names all that is wrong.
     """
-    findings = Findings(label)
-    defaults = Defaults(root, findings)
-    check_elements(root, defaults, findings, locked)
+    model, mujoco, findings = compiled(path, label), load_mujoco(), Findings(label)
+    check_text(root, model.nq, findings)
+    check_model(mujoco, model, findings, locked)
     findings.check()
-    model = _built(_bare(root), label)
-    home = _home(root, list(model.names)[1:], findings)
-    limits = _Limits(root, defaults, findings)
-    links, joints = _translated(model, limits, findings)
+    arm = _Arm(mujoco, model, findings, locked)
     findings.check()
-    urdf = Urdf(label, links, joints, "")
-    armature = {name: float(model.armature[model.joints[i].idx_v]) for i, name in enumerate(model.names) if i}
-    return Mjcf(
-        Urdf(label, links, joints, as_text(urdf)),
+    urdf = Urdf(label, tuple(arm.links), tuple(arm.joints), "")
+    joints = [model.joint(j) for j in range(model.njnt)]
+    armature = {joint.name: float(model.dof_armature[joint.dofadr[0]]) for joint in joints}
+    homes = [key for key in map(model.key, range(model.nkey)) if key.name == "home"]
+    found = Mjcf(
+        Urdf(label, urdf.links, urdf.joints, as_text(urdf)),
         {name: value for name, value in armature.items() if value},
-        home,
+        {joint.name: float(key.qpos[joint.qposadr[0]]) for key in homes[:1] for joint in joints},
     )
+    check_against_mujoco(mujoco, model, found.urdf, found.armature, label, locked)
+    return found
 
 
-def _built(text: str, label: str) -> pin.Model:
-    with tempfile.TemporaryDirectory() as folder:  # Pinocchio reads files only
-        path = Path(folder, "arm.xml")
-        path.write_text(text, encoding="utf-8")
-        try:
-            return pin.buildModelFromMJCF(str(path))
-        except Exception as error:  # Pinocchio raises several kinds
-            raise RobotDescriptionError(f"{label}: not a valid MJCF: {error}") from error
+class _Arm:
+    """Links and joints of a compiled model: a body each, whose origin is moved onto the axis of its joint."""
 
+    def __init__(self, mujoco: Any, model: Any, findings: Findings, locked: frozenset[str]) -> None:
+        self._mujoco, self._model, self._findings = mujoco, model, findings
+        self.links, self.joints = [Link(_BASE, None, 0)], list[Joint]()
+        self._efforts = efforts_of(mujoco, model)
+        self._locked = locked
+        # of each body: the link that it is, or is fixed to, and its pose in that
+        self._places: dict[int, tuple[str, pin.SE3]] = {0: (_BASE, pin.SE3.Identity())}
+        for body in range(1, model.nbody):
+            self._body(body)
+        for site in range(model.nsite):
+            self._site(site)
 
-def _bare(root: Element) -> str:
-    """Return the text of what moves: no shapes where an inertia is given, no actuators, no keyframes.
+    def _body(self, body: int) -> None:
+        model, name = self._model, self._model.body(body).name
+        parent, place = self._places[int(model.body_parentid[body])]
+        here = place * _pose(model.body_pos[body], model.body_quat[body])
+        offset, link = pin.SE3.Identity(), name
+        if model.body_jntnum[body]:
+            joint = int(model.body_jntadr[body])
+            axis, start = np.array(model.jnt_axis[joint]), float(model.qpos0[model.jnt_qposadr[joint]])
+            if model.jnt_type[joint] == self._mujoco.mjtJoint.mjJNT_HINGE:
+                anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
+                origin, offset = here * anchor * pin.SE3(pin.exp3(-start * axis), np.zeros(3)), anchor.inverse()
+            else:
+                origin = here * pin.SE3(np.eye(3), -start * axis)
+            if not offset.isIdentity(0.0):
+                link = f"{model.joint(joint).name}_axis"
+            self._moving(joint, parent, link, origin, axis)
+        else:
+            self._fixed(link, parent, here)
+        self._add(Link(link, self._inertial(body, offset), 0))
+        if link != name:
+            self._add(Link(name, None, 0))
+            self._fixed(name, link, offset)
+        self._places[body] = (link, offset)
 
-    All bodies are put into one at the world's origin: Pinocchio 4.1 drops the pose of the first body of the world.
-    """
-    bare = ET.Element("mujoco")
-    compiler = next((dict(element.attrib) for element in root if element.tag == "compiler"), {})
-    kept: dict[str, str] = {name: compiler[name] for name in ("angle", "autolimits", "eulerseq") if name in compiler}
-    ET.SubElement(bare, "compiler", kept)
-    for element in root:
-        if element.tag == "default":
-            bare.append(_moving(element))
-    stage = ET.SubElement(ET.SubElement(bare, "worldbody"), "body", name=_STAGE)
-    for world in root:
-        if world.tag == "worldbody":
-            stage.extend([_moving(element) for element in world if element.tag == "body"])
-    return ET.tostring(bare, encoding="unicode")
+    def _site(self, site: int) -> None:
+        model, name = self._model, self._model.site(site).name
+        link, place = self._places[int(model.site_bodyid[site])]
+        pose = place * _pose(model.site_pos[site], model.site_quat[site])
+        if not name:
+            return
+        body = self._mujoco.mj_name2id(model, self._mujoco.mjtObj.mjOBJ_BODY, name)
+        if body >= 0:  # MuJoCo allows both to have it
+            if self._places[body][0] == link and self._places[body][1].isApprox(pose, 1e-12):
+                return
+            name = f"{name}_site"
+        self._add(Link(name, None, 0))
+        self._fixed(name, link, pose)
 
+    def _add(self, link: Link) -> None:
+        if any(other.name == link.name for other in self.links):
+            self._findings.add(0, f"'{link.name}' names more than one body, site or axis of a joint; give each its own")
+        self.links.append(link)
 
-def _moving(element: ET.Element) -> ET.Element:
-    """Return a copy of a body or of defaults, without what does not move it."""
-    copy = ET.Element(element.tag, element.attrib)
-    inertial = any(inner.tag == "inertial" for inner in element)
-    for inner in element:
-        if inner.tag in ("body", "default", "joint", "inertial", "site") or (inner.tag == "geom" and not inertial):
-            copy.append(_moving(inner))
-    return copy
-
-
-class _Limits:
-    """Limits of joints [rad, m; N·m, N], of range and of the forces of joint and actuators, and friction."""
-
-    def __init__(self, root: Element, defaults: Defaults, findings: Findings) -> None:
-        compiler = next((element for element in root if element.tag == "compiler"), None)
-        settings: Mapping[str, str] = {} if compiler is None else compiler.attrib
-        self._degrees = settings.get("angle", "degree") == "degree"
-        self._auto = settings.get("autolimits", "true") == "true"
-        self._findings = findings
-        self.lines: dict[str, int] = {}
-        self.of: dict[str, Limit] = {}
-        self.friction: dict[str, tuple[float, float]] = {}
-        self.bounded: dict[str, bool] = {}
-        efforts = self._actuators(root, defaults)
-        for joint, given in defaults.joints(root):
-            self._joint(joint, given, efforts)
-
-    def _joint(self, joint: Element, given: Mapping[str, str], efforts: Mapping[str, float]) -> None:
-        name = joint.get("name", "")
-        owner = f"joint '{name}'"
-        scale = math.pi / 180.0 if self._degrees and given.get("type", "hinge") == "hinge" else 1.0
-        pair = self._pair(joint, given, "range", owner) if self._holds(given, "limited", "range") else None
-        lower, upper = (-UNBOUNDED, UNBOUNDED) if pair is None else (scale * pair[0], scale * pair[1])
-        effort = efforts.get(name, math.inf)
-        if self._holds(given, "actuatorfrclimited", "actuatorfrcrange"):
-            effort = min(effort, *map(abs, self._pair(joint, given, "actuatorfrcrange", owner)))
-        self.lines[name], self.bounded[name] = joint.line, pair is not None
-        self.friction[name] = decimal(given.get("damping", "0")) or 0.0, decimal(given.get("frictionloss", "0")) or 0.0
-        self.of[name] = Limit(lower, upper, 0.0 if math.isinf(effort) else effort, 0.0)
-
-    def _holds(self, given: Mapping[str, str], flag: str, what: str) -> bool:
-        """Return whether a range is a limit: as said, or because there is one."""
-        said = given.get(flag, "auto")
-        return said == "true" or (said == "auto" and self._auto and what in given)
-
-    def _pair(self, element: Element, given: Mapping[str, str], name: str, owner: str) -> tuple[float, float]:
-        values = [decimal(part) for part in given.get(name, "").split()]
-        if len(values) != 2 or None in values or values[0] > values[1]:  # type: ignore[operator]
-            text = given.get(name)
-            self._findings.add(element.line, f"{owner}: {name}='{text}' must be two numbers, the lower first")
-            return math.nan, math.nan
-        return float(values[0] or 0.0), float(values[1] or 0.0)
-
-    def _actuators(self, root: Element, defaults: Defaults) -> dict[str, float]:
-        """Return by joint the largest torque that its actuators make in both directions, where they say so."""
-        found: dict[str, float] = {}
-        for actuator, given in defaults.actuators(root):
-            if "joint" not in given:
-                continue
-            owner = f"{actuator.tag} '{given.get('name', '')}'"
-            gear = abs(decimal(given.get("gear", "1").split()[0]) or 0.0)
-            bounds = []
-            if self._holds(given, "forcelimited", "forcerange"):
-                bounds.append(self._pair(actuator, given, "forcerange", owner))
-            if actuator.tag == "motor" and self._holds(given, "ctrllimited", "ctrlrange"):
-                bounds.append(self._pair(actuator, given, "ctrlrange", owner))
-            if bounds:
-                largest = gear * min(abs(bound) for pair in bounds for bound in pair)
-                found[given["joint"]] = found.get(given["joint"], 0.0) + largest
-        return found
-
-
-def _translated(model: pin.Model, limits: _Limits, findings: Findings) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    bodies = _bodies(model)
-    links = [Link(_BASE, None, 0)]
-    joints: list[Joint] = []
-    for i in range(1, model.njoints):
-        name, kind = model.names[i], model.joints[i].shortname()
-        if kind not in _KINDS:
-            findings.add(limits.lines.get(name, 0), f"joint '{name}' is a {kind}, which an arm of phcontrol has not")
-            continue
-        moves, axis = _KINDS[kind]
-        if moves == "revolute" and not limits.bounded[name]:
-            moves = "continuous"
-        if moves == "prismatic" and not limits.bounded[name]:
-            findings.add(limits.lines[name], f"joint '{name}' slides without limits; give it a range")
-        links.append(Link(bodies[i], _inertial(model.inertias[i], limits.lines[name]), limits.lines[name]))
-        parent = model.parents[i]
-        joints.append(
+    def _moving(self, joint: int, parent: str, child: str, origin: pin.SE3, axis: Array) -> None:
+        model = self._model
+        name, dof = model.joint(joint).name, int(model.jnt_dofadr[joint])
+        limited, turns = bool(model.jnt_limited[joint]), model.jnt_type[joint] == self._mujoco.mjtJoint.mjJNT_HINGE
+        if not turns and not limited:
+            self._findings.add(0, f"joint '{name}' slides without limits; give it a range")
+        effort = self._efforts[joint]
+        if effort == 0.0 and name not in self._locked:
+            self._findings.add(
+                0, f"joint '{name}' has actuators that make no torque in one direction or both (a range or a gear of "
+                "zero): give them some, or lock the joint (locked_joints)"
+            )  # fmt: skip
+        lower, upper = map(float, model.jnt_range[joint]) if limited else (-UNBOUNDED, UNBOUNDED)
+        self.joints.append(
             Joint(
                 name=name,
-                kind=moves,
-                parent=bodies[parent],
-                child=bodies[i],
-                xyz=_triple(model.jointPlacements[i].translation),
-                rpy=_triple(pin.rpy.matrixToRpy(model.jointPlacements[i].rotation)),
-                axis=_triple(model.joints[i].extract().axis) if axis is None else axis,
-                limit=limits.of[name],
+                kind="prismatic" if not turns else "revolute" if limited else "continuous",
+                parent=parent,
+                child=child,
+                xyz=_triple(origin.translation),
+                rpy=_triple(pin.rpy.matrixToRpy(origin.rotation)),
+                axis=_triple(axis),
+                limit=Limit(lower, upper, effort if math.isfinite(effort) else 0.0, 0.0),
                 near_stops=None,
-                damping=limits.friction[name][0],
-                friction=limits.friction[name][1],
+                damping=float(model.dof_damping[dof]),
+                friction=float(model.dof_frictionloss[dof]),
                 mimic=None,
-                line=limits.lines[name],
+                line=0,
             )
         )
-    for frame in _fixed(model, bodies):
-        links.append(Link(frame.name, None, 0))
-        xyz, rpy = frame.placement.translation, pin.rpy.matrixToRpy(frame.placement.rotation)
-        joints.append(_fixed_joint(frame.name, bodies[frame.parentJoint], _triple(xyz), _triple(rpy)))
-    return tuple(links), tuple(joints)
+
+    def _fixed(self, child: str, parent: str, place: pin.SE3) -> None:
+        xyz, rpy = _triple(place.translation), _triple(pin.rpy.matrixToRpy(place.rotation))
+        self.joints.append(
+            Joint(f"{child}_fixed", "fixed", parent, child, xyz, rpy, _NO_AXIS, None, None, 0.0, 0.0, None, 0)
+        )
+
+    def _inertial(self, body: int, offset: pin.SE3) -> Inertial | None:
+        """Return a body's inertia in its link, whose axes it has."""
+        model = self._model
+        mass, principal = float(model.body_mass[body]), np.array(model.body_inertia[body])
+        if mass == 0.0 and not principal.any():
+            return None
+        place = offset * _pose(model.body_ipos[body], model.body_iquat[body])
+        matrix = place.rotation @ np.diag(principal) @ place.rotation.T
+        places = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+        moments = {name: float(matrix[entry]) for name, entry in places.items()}
+        return Inertial(mass, _triple(place.translation), (0.0, 0.0, 0.0), moments, 0)
 
 
-def _bodies(model: pin.Model) -> list[str]:
-    """Return the link of each joint: the body whose frame is the joint's, or one named after the joint."""
-    names = [_BASE]
-    for i in range(1, model.njoints):
-        own = [frame.name for frame in _frames(model) if frame.parentJoint == i and frame.placement.isIdentity(1e-14)]
-        names.append(own[0] if own else f"{model.names[i]}_axis")
-    return names
+def efforts_of(mujoco: Any, model: Any) -> Array:
+    """Return the largest force [N·m, N] that each joint's actuators make in both directions; infinite where unsaid.
+
+    Of two unequal bounds it is the smaller, of several actuators the sum, of the joint's own bound the narrower.
+    """
+    efforts = np.full(model.njnt, np.inf)
+    for joint in range(model.njnt):
+        made = [_actuator_effort(mujoco, model, i) for i in actuators_of(mujoco, model, joint)]
+        if made:
+            efforts[joint] = sum(made)
+        if model.jnt_actfrclimited[joint]:
+            efforts[joint] = min(efforts[joint], *np.maximum([-1.0, 1.0] * model.jnt_actfrcrange[joint], 0.0))
+    return efforts
 
 
-def _frames(model: pin.Model) -> Iterator[Any]:
-    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-    yield from (frame for frame in model.frames if frame.type in kinds)
+def actuators_of(mujoco: Any, model: Any, joint: int) -> list[int]:
+    """Return the actuators that act on a joint, in its own axes or its parent's."""
+    kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    return [i for i, kind in enumerate(model.actuator_trntype) if kind in kinds and model.actuator_trnid[i, 0] == joint]
 
 
-def _fixed(model: pin.Model, bodies: list[str]) -> Iterator[Any]:
-    """Yield bodies without joints, bodies whose joint is beside their origin, and sites."""
-    yield from (frame for frame in _frames(model) if frame.name not in (*bodies, _STAGE))
+def _actuator_effort(mujoco: Any, model: Any, i: int) -> float:
+    gear, ranges = abs(float(model.actuator_gear[i, 0])), []
+    if gear == 0.0:
+        return 0.0
+    if model.actuator_forcelimited[i]:
+        ranges.append(model.actuator_forcerange[i])
+    is_motor = model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED and not model.actuator_biasprm[i].any()
+    if is_motor and model.actuator_ctrllimited[i]:
+        ranges.append(np.sort(model.actuator_gainprm[i, 0] * model.actuator_ctrlrange[i]))
+    # what it makes both ways: nothing where a range is on one side of zero
+    return gear * min((float(np.maximum([-1.0, 1.0] * pair, 0.0).min()) for pair in ranges), default=math.inf)
 
 
-def _fixed_joint(name: str, parent: str, xyz: Triple, rpy: Triple) -> Joint:
-    axis = (1.0, 0.0, 0.0)
-    return Joint(f"{name}_fixed", "fixed", parent, name, xyz, rpy, axis, None, None, 0.0, 0.0, None, 0)
-
-
-def _inertial(inertia: pin.Inertia, line: int) -> Inertial | None:
-    matrix = np.asarray(inertia.inertia)
-    if inertia.mass == 0.0 and not matrix.any():
-        return None
-    places = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-    moments = {name: float(matrix[place]) for name, place in places.items()}
-    return Inertial(float(inertia.mass), _triple(inertia.lever), (0.0, 0.0, 0.0), moments, line)
+def _pose(position: Array, quaternion: Array) -> pin.SE3:
+    w, x, y, z = (float(part) for part in quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 
 def _triple(values: Array) -> Triple:
     x, y, z = (float(value) for value in values)
     return x, y, z
-
-
-def _home(root: Element, names: list[str], findings: Findings) -> dict[str, float]:
-    for key in root.iter("key"):
-        if key.get("name") != "home" or "qpos" not in key.attrib:
-            continue
-        assert isinstance(key, Element)
-        values = [decimal(part) for part in key.attrib["qpos"].split()]
-        if len(values) != len(names) or None in values:
-            findings.add(key.line, f"keyframe 'home' must have {len(names)} numbers in qpos, one a joint")
-            return {}
-        return {name: float(value or 0.0) for name, value in zip(names, values, strict=True)}
-    return {}

@@ -1,176 +1,184 @@
-"""What of MuJoCo's XML an arm of phcontrol cannot have, and what would be dropped."""
+"""What a compiled model of MuJoCo holds that no arm of phcontrol has."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
 
 from phcontrol._validation import decimal
 from phcontrol.mechanics.markup import Element
-from phcontrol.mechanics.mjcf_defaults import Defaults
 from phcontrol.mechanics.urdf import Findings
 
-_REFUSED_SECTIONS = {
-    "include": "is not followed; put the file's content in its place",
-    "deformable": "deformable bodies are no part of an arm",
-    "extension": "plugins are not run",
-}
-_BODY = {"body", "inertial", "joint", "geom", "site", "camera", "light", "freejoint"}
-_JOINT = {
-    "name", "class", "type", "group", "pos", "axis", "springdamper", "limited", "actuatorfrclimited", "solreflimit",
-    "solimplimit", "solreffriction", "solimpfriction", "stiffness", "range", "actuatorfrcrange", "actuatorgravcomp",
-    "margin", "ref", "springref", "armature", "damping", "frictionloss", "user",
-}  # fmt: skip
-_INERTIAL = {"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mass", "diaginertia", "fullinertia"}
-_SHAPES = {"sphere", "capsule", "cylinder", "box", "ellipsoid"}
-_COMPILER = {
-    "settotalmass": "-1", "boundmass": "0", "boundinertia": "0", "balanceinertia": "false", "inertiafromgeom": "auto",
-    "inertiagrouprange": "0 5", "coordinate": "local", "alignfree": "false",
-}  # fmt: skip
-_DISABLED = ("gravity", "frictionloss", "passive", "damper")
 _GRAVITY = (0.0, 0.0, -9.81)
+_FLAGS = ("GRAVITY", "FRICTIONLOSS", "DAMPER", "PASSIVE")
+_NONLINEAR = {"jnt_stiffnesspoly": "a spring", "jnt_springyield": "a spring that yields"}
 
 
-def check_elements(root: Element, defaults: Defaults, findings: Findings, locked: frozenset[str]) -> None:
-    """Note everything in an MJCF that would be dropped, or that no arm of phcontrol has, as a finding."""
-    for section in root:
-        assert isinstance(section, Element)
-        if section.tag in _REFUSED_SECTIONS:
-            findings.add(section.line, f"<{section.tag}>: {_REFUSED_SECTIONS[section.tag]}")
-        elif section.tag == "compiler":
-            _check_compiler(section, findings)
-        elif section.tag == "option":
-            _check_option(section, findings)
-        elif section.tag == "worldbody":
-            _check_bodies(section, defaults, findings)
-    for section in root:
-        if section.tag in ("equality", "tendon"):
-            for element in section:
-                assert isinstance(element, Element)
-                _check_constraint(section.tag, element, findings, locked)
+def check_model(mujoco: Any, model: Any, findings: Findings, locked: frozenset[str]) -> None:
+    """Note everything of a compiled model that would be dropped, or that no arm has, as a finding.
+
+    Of joints that are ``locked`` springs, tendons, constraints and actuators do nothing.
+    """
+    if not model.njnt:
+        findings.add(0, "it has no joint")
+    for found in (
+        _options(mujoco, model),
+        _bodies(mujoco, model),
+        _joints(mujoco, model, locked),
+        _actuators(mujoco, model, locked),
+        _constraints(mujoco, model, locked),
+        _tendons(mujoco, model, locked),
+    ):
+        for problem in found:
+            findings.add(0, problem)
+    for size, what in (("nflex", "deformable bodies are no part of an arm"), ("nplugin", "plugins are not run")):
+        if getattr(model, size, 0):
+            findings.add(0, f"{what} ({getattr(model, size)} of them)")
 
 
-def _check_compiler(compiler: Element, findings: Findings) -> None:
-    for name, default in _COMPILER.items():
-        value = compiler.get(name, default)
-        if value != default and not (_numbers(value) and _numbers(value) == _numbers(default)):
-            findings.add(compiler.line, f"<compiler {name}='{value}'> would be overlooked; it must be '{default}'")
+def check_text(root: Element, nq: int, findings: Findings) -> None:
+    """Note what a compiled model does not tell: ranges that MuJoCo takes for none, a posture that it fills with zeros.
+
+    ``nq`` is how many positions the model has.
+    """
+    for key in root.iter("key"):
+        numbers = len(key.get("qpos", "").split())
+        if key.get("name") == "home" and numbers not in (0, nq):
+            assert isinstance(key, Element)
+            findings.add(key.line, f"keyframe 'home' must have {nq} numbers in qpos, one a joint, but has {numbers}")
+    sizes = {"range", "ctrlrange", "forcerange", "actuatorfrcrange"}
+    for element in root.iter():
+        assert isinstance(element, Element)
+        for name in sizes & element.attrib.keys():
+            pair = [decimal(part) for part in element.attrib[name].split()]
+            if len(pair) == 2 and None not in pair and not pair[0] < pair[1]:  # type: ignore[operator]
+                findings.add(
+                    element.line,
+                    f"{element.tag} '{element.get('name', '')}': {name}='{element.attrib[name]}' must be two numbers, "
+                    "the lower first; MuJoCo takes this one for no limit",
+                )
 
 
-def _check_option(option: Element, findings: Findings) -> None:
-    gravity = _numbers(option.get("gravity", "0 0 -9.81"))
-    if gravity != list(_GRAVITY):
-        findings.add(
-            option.line,
-            f"<option gravity='{option.get('gravity')}'> would be overlooked; take it out, and give "
-            "MechanicalSystem(..., gravity=...)",
+def _options(mujoco: Any, model: Any) -> Iterator[str]:
+    option = model.opt
+    if tuple(option.gravity) != _GRAVITY:
+        said = " ".join(f"{part:g}" for part in option.gravity)
+        yield (
+            f"<option gravity='{said}'> would be overlooked; take it out, and give MechanicalSystem(..., gravity=...)"
         )
     for name in ("density", "viscosity", "wind"):
-        if any(value != 0.0 for value in _numbers(option.get(name, "0")) or [1.0]):
-            findings.add(option.line, f"<option {name}='{option.get(name)}'> would be overlooked: no medium drags here")
-    for flag in option.iter("flag"):
-        for name in _DISABLED:
-            if flag.get(name, "enable") != "enable":
-                findings.add(option.line, f"<flag {name}='{flag.get(name)}'> would be overlooked")
+        if np.any(getattr(option, name)):
+            yield f"<option {name}='{getattr(option, name)}'> would be overlooked: no medium drags here"
+    for name in _FLAGS:
+        bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
+        if bit is not None and option.disableflags & int(bit):
+            yield f"<flag {name.lower()}='disable'> would be overlooked"
 
 
-def _check_bodies(world: Element, defaults: Defaults, findings: Findings) -> None:
-    with_inertial = {id(body) for item, _, body in defaults.inside(world) if item.tag == "inertial"}
-    for element, given, body in defaults.inside(world):
-        where, inside = _owner(element), _owner(body)
-        if element.tag not in _BODY:
-            findings.add(
-                element.line, f"{inside} holds <{element.tag}>, which is not followed; write out what it makes"
-            )
-        elif element.tag == "freejoint":
-            findings.add(element.line, f"{inside} is free to float; phcontrol controls arms on a fixed base")
-        elif element.tag == "joint":
-            _check_joint(element, given, findings)
-        elif element.tag == "inertial":
-            _check_known(element, _INERTIAL, f"<inertial> of {inside}", findings)
-        elif element.tag == "body":
-            _check_body(element, where, findings)
-        elif element.tag == "geom" and body.tag == "body" and id(body) not in with_inertial:
-            _check_mass(element, given, inside, findings)
+def _bodies(mujoco: Any, model: Any) -> Iterator[str]:
+    for body in range(1, model.nbody):
+        name = model.body(body).name
+        if not name:
+            yield f"a <body> has no name: the one in {model.body(model.body_parentid[body]).name or 'one without'}"
+        if model.body_mocapid[body] >= 0:
+            yield f"body '{name}' is moved by mocap data, which an arm is not"
+        if model.body_gravcomp[body]:
+            yield f"body '{name}': gravcomp='{model.body_gravcomp[body]:g}' would be overlooked; laws compensate weight"
+        joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        if any(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE for joint in joints):
+            yield f"body '{name}' is free to float; phcontrol controls arms on a fixed base"
+        elif len(joints) > 1:
+            yield f"body '{name}' has {len(joints)} joints; give each a body of its own"
 
 
-def _check_body(body: Element, where: str, findings: Findings) -> None:
-    if not body.get("name"):
-        findings.add(body.line, "a <body> has no name")
-    if _nonzero(body.get("gravcomp")):
-        findings.add(
-            body.line, f"{where}: gravcomp='{body.get('gravcomp')}' would be overlooked; laws compensate weight"
+def _joints(mujoco: Any, model: Any, locked: frozenset[str]) -> Iterator[str]:
+    for joint in range(model.njnt):
+        name, dof = model.joint(joint).name, int(model.jnt_dofadr[joint])
+        where = f"joint '{name}'"
+        if not name:
+            yield f"a joint of body '{model.body(model.jnt_bodyid[joint]).name}' has no name"
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+            yield f"{where} is a ball joint; phcontrol controls arms of hinge and slide joints"
+        for what in ("dof_armature", "dof_damping", "dof_frictionloss"):
+            value = float(getattr(model, what)[dof])
+            if not value >= 0.0:
+                yield f"{where}: {what.removeprefix('dof_')}='{value:g}' must be one number >= 0"
+        low, high = (float(end) for end in model.jnt_range[joint])
+        if not model.jnt_limited[joint] and low > high:
+            yield f"{where}: range='{low:g} {high:g}' must be two numbers, the lower first"
+        if name in locked:
+            continue
+        stiffness = float(model.jnt_stiffness[joint])
+        if stiffness:
+            yield f"{where}: stiffness='{stiffness:g}' would be dropped; springs are potentials of a MechanicalSystem"
+        for field, what in _NONLINEAR.items():
+            if np.any(getattr(model, field, np.zeros(model.njnt))[joint]):
+                yield f"{where} has {what} ({field.removeprefix('jnt_')}), which would be dropped"
+        if np.any(getattr(model, "dof_dampingpoly", np.zeros(model.nv))[dof]):
+            yield f"{where} has a damping that is not linear in its speed; an arm has viscous and dry friction"
+
+
+def _actuators(mujoco: Any, model: Any, locked: frozenset[str]) -> Iterator[str]:
+    kinds = {int(getattr(mujoco.mjtTrn, name)): name.removeprefix("mjTRN_") for name in dir(mujoco.mjtTrn)
+             if name.startswith("mjTRN_")}  # fmt: skip
+    for i, kind in enumerate(model.actuator_trntype):
+        actuator = model.actuator(i)
+        where = f"actuator '{actuator.name}'"
+        target = kinds[int(kind)]
+        if target == "TENDON":
+            continue  # what is said of the tendon says it
+        for limited, name in (("ctrllimited", "ctrlrange"), ("forcelimited", "forcerange")):
+            low, high = (float(end) for end in getattr(model, f"actuator_{name}")[i])
+            if not getattr(model, f"actuator_{limited}")[i] and low > high:
+                yield f"{where}: {name}='{low:g} {high:g}' must be two numbers, the lower first"
+        if target not in ("JOINT", "JOINTINPARENT"):
+            yield f"{where} acts on no joint (on a {target.lower()}), which would be dropped; take it out"
+            continue
+        joint = model.joint(model.actuator_trnid[i, 0]).name
+        if joint in locked:
+            continue
+        if model.actuator_dyntype[i] != mujoco.mjtDyn.mjDYN_NONE:
+            yield f"{where} of joint '{joint}' has a state of its own, which would be dropped"
+        for field in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
+            if np.any(getattr(model, field, np.zeros(len(model.actuator_trntype)))[i]):
+                what = field.removeprefix("actuator_")
+                yield f"{where} has {what}, which would be dropped; give it to the joint '{joint}'"
+
+
+def _constraints(mujoco: Any, model: Any, locked: frozenset[str]) -> Iterator[str]:
+    kinds = {int(getattr(mujoco.mjtEq, name)): name.removeprefix("mjEQ_").lower() for name in dir(mujoco.mjtEq)
+             if name.startswith("mjEQ_")}  # fmt: skip
+    for i in range(model.neq):
+        if not model.eq_active0[i]:
+            continue
+        kind, names = kinds[int(model.eq_type[i])], []
+        if kind == "joint":
+            names = [model.joint(k).name for k in (model.eq_obj1id[i], model.eq_obj2id[i]) if k >= 0]
+        yield from _dropped(f"constraint <{kind}>", _name(mujoco, model, "EQUALITY", i), names, locked)
+
+
+def _tendons(mujoco: Any, model: Any, locked: frozenset[str]) -> Iterator[str]:
+    for i in range(model.ntendon):
+        parts = range(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i])
+        on_joints = all(model.wrap_type[part] == mujoco.mjtWrap.mjWRAP_JOINT for part in parts)
+        names = [model.joint(model.wrap_objid[part]).name for part in parts] if on_joints else []
+        yield from _dropped(
+            f"tendon <{'fixed' if on_joints else 'spatial'}>", _name(mujoco, model, "TENDON", i), names, locked
         )
-    if body.get("mocap", "false") != "false":
-        findings.add(body.line, f"{where} is moved by mocap data, which an arm is not")
-    joints = [element for element in body if element.tag == "joint"]
-    if len(joints) > 1:
-        findings.add(body.line, f"{where} has {len(joints)} joints; give each a body of its own")
 
 
-def _check_joint(joint: Element, given: Mapping[str, str], findings: Findings) -> None:
-    where = _owner(joint)
-    if not joint.get("name"):
-        findings.add(joint.line, "a <joint> has no name")
-    _check_known(joint, _JOINT, where, findings)
-    kind = given.get("type", "hinge")
-    if kind in ("ball", "free"):
-        findings.add(joint.line, f"{where} is a {kind} joint; phcontrol controls arms of hinge and slide joints")
-    elif kind not in ("hinge", "slide"):
-        findings.add(joint.line, f"{where} has the unknown type '{kind}'")
-    if _nonzero(given.get("stiffness")) or "springdamper" in given:
-        name = "stiffness" if "stiffness" in given else "springdamper"
-        findings.add(
-            joint.line,
-            f"{where}: {name}='{given[name]}' would be dropped; springs are potentials of a MechanicalSystem",
-        )
-    for name in ("armature", "damping", "frictionloss"):
-        values = _numbers(given.get(name, "0"))
-        if values is None or len(values) != 1 or values[0] < 0.0:
-            findings.add(joint.line, f"{where}: {name}='{given[name]}' must be one number >= 0")
-
-
-def _check_mass(geom: Element, given: Mapping[str, str], where: str, findings: Findings) -> None:
-    """Note shapes that give a body its mass where that cannot be followed."""
-    name = "mass" if "mass" in given else "density"
-    if not _nonzero(given.get(name, "1000")):
-        return
-    shape = given.get("type", "mesh" if "mesh" in given else "sphere")
-    if shape not in _SHAPES or "mesh" in given:
-        findings.add(geom.line, f"{where} has its mass from a {shape}; give it an <inertial>")
-    if given.get("shellinertia", "false") != "false":
-        findings.add(geom.line, f"{where} has its mass from a shell; give it an <inertial>")
-
-
-def _check_constraint(section: str, element: Element, findings: Findings, locked: frozenset[str]) -> None:
-    if element.get("active", "true") == "false":
-        return
-    names = [element.get(key) for key in ("joint1", "joint2") if key in element.attrib]
-    names += [inner.get("joint") for inner in element.iter("joint") if inner is not element]
-    if names and all(name in locked for name in names):
-        return
-    kind = "constraint" if section == "equality" else "tendon"
-    label = f"{kind} <{element.tag}>" + (f" '{element.get('name')}'" if element.get("name") else "")
+def _dropped(kind: str, own: str, names: Iterable[str], locked: frozenset[str]) -> Iterator[str]:
+    names = list(dict.fromkeys(names))
     free = [name for name in names if name not in locked]
-    between = f" of {', '.join(map(str, free))}" if free else ""
-    advice = f"; lock them (locked_joints=[{', '.join(map(repr, free))}]), or take it out" if free else "; take it out"
-    findings.add(element.line, f"{label}{between} would be dropped{advice}")
+    if names and not free:
+        return
+    label = kind + (f" '{own}'" if own else "")
+    between = f" of {', '.join(free)}" if free else ""
+    advice = f"lock them (locked_joints={free!r}), or take it out" if free else "take it out"
+    yield f"{label}{between} would be dropped; {advice}"
 
 
-def _check_known(element: Element, known: set[str], where: str, findings: Findings) -> None:
-    for name in element.attrib:
-        if name not in known:
-            findings.add(element.line, f"{where} has no attribute '{name}'; it may have {', '.join(sorted(known))}")
-
-
-def _owner(element: Element) -> str:
-    return "the world" if element.tag == "worldbody" else f"{element.tag} '{element.get('name', '')}'"
-
-
-def _numbers(text: str) -> list[float] | None:
-    values = [decimal(part) for part in text.split()]
-    return None if None in values or not values else [float(value or 0.0) for value in values]
-
-
-def _nonzero(text: str | None) -> bool:
-    """Return whether a text is there and does not say zero."""
-    return text is not None and any(value != 0.0 for value in _numbers(text) or [1.0])
+def _name(mujoco: Any, model: Any, kind: str, i: int) -> str:
+    return mujoco.mj_id2name(model, int(getattr(mujoco.mjtObj, f"mjOBJ_{kind}")), i) or ""

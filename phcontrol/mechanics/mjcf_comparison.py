@@ -2,46 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
 from phcontrol.exceptions import RobotDescriptionError
-from phcontrol.mechanics.urdf import UNBOUNDED, Findings, canonical
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from phcontrol.mechanics.mjcf import Mjcf
+from phcontrol.mechanics.urdf import UNBOUNDED, Findings, Urdf, canonical
 
 _CLOSE = 1e-8  # of the largest entry: both are exact but for rounding
 _POSTURES = 3
 
 
-def check_against_mujoco(found: Mjcf, path: Path, label: str) -> None:
-    """Raise RobotDescriptionError unless MuJoCo reads the file, and as the same arm.
+def check_against_mujoco(
+    mujoco: Any, model: Any, urdf: Urdf, armature: Mapping[str, float], label: str, locked: frozenset[str]
+) -> None:
+    """Raise RobotDescriptionError unless an arm is the one that MuJoCo has compiled.
 
-    Compared are mass matrix with rotors, weight, ranges, damping and friction of the joints, and where bodies and sites
-    are, at some postures. MJCF has more ways to say a thing (classes, compilers' options) than are worth reading twice;
-    one that was read wrong is found here.
+    Compared are mass matrix with rotors, weight with Coriolis forces, passive forces (which are those of damping, but
+    for ``locked`` joints), ranges, damping and dry friction of the joints, and where bodies and sites are, at some
+    postures and speeds. Of what a model holds the passive forces and the bias are all but constraints, contacts and
+    actuators: what would be overlooked shows here.
     """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise RobotDescriptionError(
-            f"{label}: MJCF files are held against MuJoCo itself before they are believed: pip install "
-            "'phcontrol[mujoco]'"
-        ) from error
-    try:
-        theirs = mujoco.MjModel.from_xml_path(str(path))
-    except Exception as error:
-        raise RobotDescriptionError(f"{label}: MuJoCo cannot read it: {' '.join(str(error).split())}") from error
-    theirs.opt.gravity[:] = (0.0, 0.0, -9.81)
     findings = Findings(label)
     try:
-        problems = _Comparison(mujoco, theirs, found).problems()
+        problems = _Comparison(mujoco, model, urdf, armature, locked).problems()
     except (ArithmeticError, LookupError, ValueError) as error:
         raise RobotDescriptionError(f"{label}: cannot be held against MuJoCo's model: {error}") from error
     for problem in problems:
@@ -50,13 +37,15 @@ def check_against_mujoco(found: Mjcf, path: Path, label: str) -> None:
 
 
 class _Comparison:
-    def __init__(self, mujoco: Any, theirs: Any, found: Mjcf) -> None:
-        self._mujoco, self._theirs, self._found = mujoco, theirs, found
+    def __init__(
+        self, mujoco: Any, theirs: Any, urdf: Urdf, armature: Mapping[str, float], locked: frozenset[str]
+    ) -> None:
+        self._mujoco, self._theirs, self._urdf, self._locked = mujoco, theirs, urdf, locked
         self._data = mujoco.MjData(theirs)
-        self._ours = pin.buildModelFromXML(canonical(found.urdf))
+        self._ours = pin.buildModelFromXML(canonical(urdf))
         self._names = list(self._ours.names)[1:]
         for i, name in enumerate(self._names, start=1):
-            self._ours.armature[self._ours.joints[i].idx_v] = found.armature.get(name, 0.0)
+            self._ours.armature[self._ours.joints[i].idx_v] = armature.get(name, 0.0)
 
     def problems(self) -> list[str]:
         """Return what differs, in words."""
@@ -69,20 +58,21 @@ class _Comparison:
         places = [int(self._theirs.jnt_qposadr[i]) for i in joints]
         freedoms = [int(self._theirs.jnt_dofadr[i]) for i in joints]
         found = self._joints(joints, freedoms)
+        damping = np.array([float(np.ravel(self._theirs.dof_damping[k])[0]) for k in freedoms])
+        free = np.array([name not in self._locked for name in self._names])
         generator, ours = np.random.default_rng(0), self._ours.createData()
         for _ in range(_POSTURES):
-            q = generator.uniform(-1.0, 1.0, self._ours.nq)
-            self._data.qpos[places] = q
-            self._data.qvel[:] = 0.0
+            q, v = generator.uniform(-1.0, 1.0, self._ours.nq), generator.uniform(-1.0, 1.0, self._ours.nv)
+            self._data.qpos[places], self._data.qvel[freedoms] = q, v
             self._mujoco.mj_forward(self._theirs, self._data)
-            mass = self._mass_matrix(freedoms)
-            weight = pin.computeGeneralizedGravity(self._ours, ours, q)
-            for what, one, other in (
-                ("the mass matrix", pin.crba(self._ours, ours, q), mass),
-                ("the weight", weight, self._data.qfrc_bias[freedoms]),
+            mass, bias = self._mass_matrix(freedoms), self._data.qfrc_bias[freedoms]
+            largest, scale = float(np.abs(mass).max()), float(np.abs(bias).max())
+            for what, one, other, size in (
+                ("the mass matrix", pin.crba(self._ours, ours, q), mass, largest),
+                ("weight and Coriolis force", pin.nonLinearEffects(self._ours, ours, q, v), bias, 10 * largest + scale),
+                ("the passive force", -damping * v * free, self._data.qfrc_passive[freedoms] * free, scale + largest),
             ):
-                largest = float(np.abs(mass).max() if what == "the mass matrix" else 10.0 * np.abs(mass).max())
-                if not np.abs(one - other).max(initial=0.0) <= _CLOSE * max(largest, float(np.abs(other).max())):
+                if not np.abs(one - other).max(initial=0.0) <= _CLOSE * size:
                     found.append(f"{what} is another than MuJoCo's, by {np.abs(one - other).max():.2g}")
             found += self._frames(ours, q)
             if found:
@@ -101,7 +91,7 @@ class _Comparison:
 
     def _joints(self, joints: list[int], freedoms: list[int]) -> list[str]:
         """Return what differs of ranges, damping and friction."""
-        read = {joint.name: joint for joint in self._found.urdf.joints if joint.moves}
+        read = {joint.name: joint for joint in self._urdf.joints if joint.moves}
         found = []
         for name, i, freedom in zip(self._names, joints, freedoms, strict=True):
             joint, theirs = read[name], self._theirs
@@ -129,9 +119,8 @@ class _Comparison:
             self._theirs.site(i).name: (self._data.site_xpos[i], self._data.site_xmat[i])
             for i in range(self._theirs.nsite)
         }
-        found = [
-            f"'{name}' names a body and a site, at different places" for name in bodies.keys() & sites.keys() if name
-        ]
+        sites = {f"{name}_site" if name in bodies else name: place for name, place in sites.items()}
+        found = []
         for name, (position, rotation) in (sites | bodies).items():
             if not name or name == "world" or not self._ours.existFrame(name, pin.FrameType.BODY):
                 continue

@@ -36,7 +36,7 @@ class StopVelocity:
     def __init__(self, offset: ArrayLike, deceleration: ArrayLike) -> None:
         try:
             o, a = np.broadcast_arrays(np.array(offset, dtype=float), np.array(deceleration, dtype=float))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InvalidArgumentError(
                 "offset", f"must be one number or one each joint, and deceleration too ({error})"
             ) from error

@@ -7,10 +7,11 @@ import time
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, instance, positive
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.runtime.control_loop import GRAVITY, ControlLoop, Gravity
 from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.simulation.run import MOST_STEPS
 
 Pace = Literal["clock", "read", "write"]
 """Whose time a driver's is: this computer's, its ``read``'s, or its ``write``'s; see :class:`ArmDriver`."""
@@ -88,12 +89,22 @@ def drive(
         each_step: called with time, reading and the torque that was sent, for logging.
 
     Raises:
-        InvalidArgumentError: the driver does not say who carries the weight, or whose time it is.
+        InvalidArgumentError: what is given is no loop or no driver, the driver does not say who carries the weight, or
+            whose time it is, or the duration has too many periods.
         ArmError: the arm stopped by itself.
     """
+    instance("loop", loop, ControlLoop)
+    if each_step is not None and not callable(each_step):
+        raise InvalidArgumentError("each_step", f"must be a function, but is {each_step!r}")
+    steps = round(min(positive("duration", duration) / loop.period, 1e300))
+    if steps > MOST_STEPS:
+        raise InvalidArgumentError(
+            "duration",
+            f"of {duration:g} s has {steps:.2g} periods of {loop.period:g} s; at most {MOST_STEPS:.0e} are run",
+        )
     paced = _declared(driver, "pace", get_args(Pace)) == "clock"
     loop.gravity = _declared(driver, "gravity", GRAVITY)
-    start, steps, k = time.perf_counter(), round(positive("duration", duration) / loop.period), 0
+    start, k = time.perf_counter(), 0
     last: Reading | None = None
     while k < steps:
         began = math.floor((time.perf_counter() - start) / loop.period)
@@ -124,6 +135,8 @@ def drive(
 def _declared(driver: object, name: str, options: tuple[str, ...]) -> Any:
     """Return what a driver says of itself. Raises InvalidArgumentError where it does not."""
     value = getattr(driver, name, None)
+    if not callable(getattr(driver, "read", None)) or not callable(getattr(driver, "write", None)):
+        raise InvalidArgumentError("driver", f"must be a driver of an arm (ArmDriver), but is {type(driver).__name__}")
     if value not in options:
         listing = " or ".join(f"'{option}'" for option in options)
         said = "does not say" if value is None else f"says {value!r} for"

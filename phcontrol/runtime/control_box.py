@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, per_joint, positive, real_array, vector
 from phcontrol.environments.disturbances import Disturbance
-from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.runtime.arm_driver import Reading
 from phcontrol.runtime.control_loop import GRAVITY, Gravity
 from phcontrol.runtime.number_window import NumberWindow
@@ -48,6 +48,7 @@ class ControlBox:
         disturbance: Disturbance | None = None,
         gravity: Gravity = "controller",
     ) -> None:
+        check_system(system)
         self.system, self.period = system, positive("period", period)
         self.patience = positive("patience", patience)
         start = system.robot.home if position is None else position

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from phcontrol._smooth import smooth
 from phcontrol._validation import Array, choice, number, per_joint, positive, real_array
-from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runtime.loop_camera import LoopCamera
+from phcontrol.runtime.loop_clock import LoopClock
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.measured_borders import MeasuredBorders
 from phcontrol.runtime.restart_policy import RestartPolicy
@@ -37,6 +38,7 @@ _SENT = 1e-4  # by which an arm's word of what it was sent is rounded [N·m]
 _MOST_MISSED = 20  # periods more than kept, before the loop stops
 _JUMP_FACTOR = 2.0  # times the fastest motion within the limits
 _SPEED_FACTOR = 5.0  # times that, which no true velocity reaches
+_LONGEST = 1e5  # period, or age of a reading [s]
 _BEYOND = 2.0 * math.pi  # the limits, where no joint is [rad]
 _MOST_TURNS = 1e6  # of a joint without limits [rad]
 
@@ -87,7 +89,7 @@ class ControlLoop:
         camera: a camera in the hand, with frames at its own rate: image features are measured with each reading.
         gravity: "controller" for an arm whose motors do what they are sent, "robot" for one that adds its own weight
             (Franka, UR, KUKA); ``drive`` sets what the driver says.
-        clock: what time is read from [s].
+        clock: what time is read from [s]. One that does not tell it, or fails, stops the loop for good.
     """
 
     def __init__(
@@ -108,14 +110,16 @@ class ControlLoop:
         gravity: Gravity = "controller",
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.period = positive("period", period)
+        check_loop(controller, system)
+        self.period = positive("period", period, maximum=_LONGEST)
         if controller.system.n != system.n:
             raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
         system.need_constant_input("the stop of a control loop")
         self.system = system
         self.start_time = number("start_time", start_time, minimum=0.0)
         self.stop_time = number("stop_time", stop_time, minimum=0.0)
-        self.stale_after = 10.0 * self.period if stale_after is None else positive("stale_after", stale_after)
+        stale = 10.0 * self.period if stale_after is None else stale_after
+        self.stale_after = positive("stale_after", stale, maximum=10.0 * _LONGEST)
         self.deadline = self.period if deadline is None else positive("deadline", deadline)
         inertia = system.at(system.robot.home).mass_matrix.diagonal() / 0.2
         damping: Array = inertia if holding_damping is None else per_joint("holding_damping", holding_damping, system.n)
@@ -139,7 +143,7 @@ class ControlLoop:
         if camera is not None and not isinstance(camera, LoopCamera):
             raise InvalidArgumentError("camera", f"must be a LoopCamera, but is {type(camera).__name__}")
         self._camera = camera
-        self._clock, self._recorder = clock, TimingRecorder(self.period, self.deadline)
+        self._clock, self._recorder = LoopClock(clock), TimingRecorder(self.period, self.deadline)
         self._restarts = RestartPolicy(self.period)
         self._state: Array = np.zeros(controller.state_size)
         self.mode = LoopMode.WAITING
@@ -249,7 +253,9 @@ class ControlLoop:
         """
         since = real_array(elapsed, ())
         told = None if since is None or since < 0.0 else float(since)
-        passed = max(self.period, self._recorder.begin(self._clock(), told))  # longer, where periods were skipped
+        passed = max(
+            self.period, self._recorder.begin(self._look_at_clock(), told)
+        )  # longer, where periods were skipped
         try:
             ordered = self._controlled(position, velocity, measured, age, passed, torque)
         except Exception as error:  # of the model or the filter: the ramp goes on without them
@@ -259,7 +265,7 @@ class ControlLoop:
         if ordered is not None:
             self._time += self.period
             self._steps_in_mode += 1
-        missed = self._recorder.end(self._clock())
+        missed = self._recorder.end(self._look_at_clock())
         self._missed = max(0, self._missed + (missed or -1))
         if self._missed >= self._most_missed and self.mode.is_active:
             self._stop_for_now(f"{self._missed} periods more were missed than kept")
@@ -289,6 +295,13 @@ class ControlLoop:
         self._sampled.share = self._share
         return self._torque(x, self._measured.seen(self.stale_after), stale)
 
+    def _look_at_clock(self) -> float:
+        """Return the time [s]; where the clock shows none, stop for good."""
+        now = self._clock.now()
+        if self._clock.error is not None:
+            self._fail(self._clock.error)
+        return now
+
     # --- readings -----------------------------------------------------------------------------------
 
     def _take(self, position: Any, velocity: Any, measured: Any, age: Any, elapsed: float) -> bool:
@@ -301,7 +314,7 @@ class ControlLoop:
         q, v = real_array(position, shape), real_array(velocity, shape)
         if self._camera is not None and q is not None and seconds < reading.age:
             shown = measured if isinstance(measured, Measured) else NOTHING
-            measured = shown._replace(features=self._camera.features(self._clock() - seconds, q))
+            measured = shown._replace(features=self._camera.features(self._look_at_clock() - seconds, q))
         if seconds < reading.age:
             self.counts["measured"] += self._measured.offer(NOTHING if measured is None else measured, seconds)
         both = None if q is None or v is None or seconds == math.inf else np.concatenate((q, v))

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phcontrol._validation import Array, choice, flag, positive, real_array, vector, whole_multiple
-from phcontrol.exceptions import PHControlError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
+from phcontrol.mechanics.mujoco_file import compiled, load_mujoco
 from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.runtime.arm_driver import Pace, Reading
 from phcontrol.runtime.control_loop import GRAVITY, Gravity
-from phcontrol.runtime.mujoco_model import addresses, load_mujoco, model_of_urdf, read_mjcf, silence_actuators
+from phcontrol.runtime.mujoco_model import addresses, model_of_urdf, silence_actuators
 from phcontrol.safety.clipping import clipped
 from phcontrol.sensors.measured import Measured
 
@@ -83,7 +84,7 @@ class MujocoArm:
             step = self.period if step is None else step
         else:
             # a copy: steps and actuators are set on it
-            self.model = read_mjcf(model) if isinstance(model, (str, os.PathLike)) else copy.copy(model)
+            self.model = _of_mujoco(model)
             if step is None:
                 step = min(float(self.model.opt.timestep), self.period)
         if step is not None:
@@ -162,6 +163,17 @@ class MujocoArm:
             push = data.xfrc_applied[body]
             mujoco.mj_applyFT(model, data, push[:3], push[3:], data.xipos[body], int(body), self._pull)
         return np.array(self._pull[self._freedoms])
+
+
+def _of_mujoco(model: Any) -> Any:
+    """Return the MjModel of a file, or a copy of an MjModel. Raises InvalidArgumentError for anything else."""
+    if isinstance(model, (str, os.PathLike)):
+        return compiled(model, os.fspath(model))
+    if not isinstance(model, load_mujoco().MjModel):
+        raise InvalidArgumentError(
+            "model", f"must be the path of an MJCF file, a mujoco.MjModel or None, but is {type(model).__name__}"
+        )
+    return copy.copy(model)
 
 
 def _integrators() -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -11,32 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from phcontrol._validation import Array
-from phcontrol.exceptions import InvalidArgumentError, PHControlError, RobotDescriptionError
+from phcontrol.exceptions import InvalidArgumentError, RobotDescriptionError
 from phcontrol.mechanics.friction import StribeckFriction
+from phcontrol.mechanics.mujoco_file import load_mujoco
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 
 _PRIMITIVES = ("box", "cylinder", "sphere")
-
-
-def load_mujoco() -> Any:
-    """Return the module mujoco. Raises PHControlError, saying how to install it."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise PHControlError("a MuJoCo plant needs MuJoCo: pip install 'phcontrol[mujoco]'") from error
-    return mujoco
-
-
-def read_mjcf(path: str | os.PathLike[str]) -> Any:
-    """Return the MjModel of an MJCF file. Raises RobotDescriptionError where MuJoCo cannot read it."""
-    mujoco = load_mujoco()
-    if not Path(path).is_file():
-        raise RobotDescriptionError(f"{path}: there is no such MJCF file")
-    try:
-        return mujoco.MjModel.from_xml_path(os.fspath(path))
-    except Exception as error:  # MuJoCo raises several kinds
-        raise RobotDescriptionError(f"{path}: MuJoCo cannot read it: {error}") from error
 
 
 def model_of_urdf(system: MechanicalSystem, *, friction: bool, contacts: bool) -> Any:

@@ -9,11 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from phcontrol._validation import number, positive
+from phcontrol._validation import number
 from phcontrol.runtime.arm_driver import wait_until
 from phcontrol.runtime.duration_histogram import DurationHistogram
 
 _LATE = 0.3  # of a period: a Franka waits 300 µs of its millisecond
+_SHORTEST = 1e-5  # period that is tried [s]: looking at the clock from Python takes a part of a microsecond
+_LONGEST = 3600.0  # trial [s]
 _ROOT = Path("/")
 
 
@@ -86,11 +88,12 @@ def preflight(period: float = 1e-3, duration: float = 5.0) -> Preflight:
     else runs then.
 
     Args:
-        period: of the loop to come [s].
-        duration: of the trial [s], a hundred periods at least.
+        period: of the loop to come [s], 10 µs at least.
+        duration: of the trial [s], a hundred periods at least, and an hour at most.
     """
-    wanted = positive("period", period)
-    lateness, missed, count = DurationHistogram(), 0, round(number("duration", duration, minimum=100 * wanted) / wanted)
+    wanted = number("period", period, minimum=_SHORTEST, maximum=0.01 * _LONGEST)
+    tried = number("duration", duration, minimum=100 * wanted, maximum=_LONGEST)
+    lateness, missed, count = DurationHistogram(), 0, round(tried / wanted)
     start = time.perf_counter() + wanted
     for k in range(count):
         due = start + k * wanted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, instance
 from phcontrol.runtime.arm_driver import Pace, Reading
 from phcontrol.runtime.control_box import ControlBox
 from phcontrol.runtime.control_loop import Gravity
@@ -32,7 +32,10 @@ class SimulatedArm:
         readings: PacketFaults[tuple[int, Reading]] | None = None,
         commands: PacketFaults[tuple[int, Array]] | None = None,
     ) -> None:
-        self.box = box
+        self.box = instance("box", box, ControlBox)
+        for name, way in (("readings", readings), ("commands", commands)):
+            if way is not None:
+                instance(name, way, PacketFaults)
         self.gravity: Gravity = box.gravity
         self._readings = PacketFaults() if readings is None else readings
         self._commands = PacketFaults() if commands is None else commands

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, choice, finite_array, number
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.stop_velocity import StopVelocity
-from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.mechanics.system import MechanicalSystem, check_system
 from phcontrol.safety import kernels
 from phcontrol.safety.braking import braking_acceleration_within, braking_jerk_within
 from phcontrol.safety.franka_limits import FRANKA_LIMITS
@@ -81,6 +81,7 @@ class Limits:
         braking_acceleration: ArrayLike | None = None,
         braking_jerk: ArrayLike | None = None,
     ) -> None:
+        check_system(system)
         robot, n = system.robot, system.n
         self.effort = _limit("effort", effort, robot.effort_limit, n)
         self.velocity = _limit("velocity", velocity, robot.velocity_limit, n)
@@ -146,6 +147,7 @@ class Limits:
 
         The numbers are from libfranka 0.21 (``rate_limiting.h``) and Franka's "Robot Limits".
         """
+        check_system(system)
         robot = system.robot
         documented = FRANKA_LIMITS[choice("model", model, FRANKA_LIMITS)]
         if system.n != len(documented.effort):

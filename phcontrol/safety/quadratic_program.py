@@ -188,7 +188,7 @@ class QuadraticProgram:
 
 def ordered(solver: SolverName) -> list[type[DaqpSolver] | type[ProxqpSolver]]:
     """Return the solvers in the order in which they are asked: that of this name, then the other."""
-    if solver not in SOLVERS:
+    if not isinstance(solver, str) or solver not in SOLVERS:
         raise InvalidArgumentError("solver", f"must be one of {', '.join(map(repr, SOLVERS))}, but is {solver!r}")
     return [SOLVERS[solver], *(make for name, make in SOLVERS.items() if name != solver)]
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import traceback
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -110,6 +112,8 @@ class ManyRuns:
             return Outcome(index, error.log if self._measure == "log" else None, str(error), False)
         except PHControlError as error:
             return Outcome(index, None, str(error), False)
+        except Exception as error:  # of a user's law, disturbance or sensor: the other runs go on
+            return Outcome(index, None, _described(error), False)
         return self._measured(index, log, compiled=False)
 
     def _measured(self, index: int, log: Log, compiled: bool) -> Outcome:
@@ -153,8 +157,9 @@ class ManyRuns:
             return self._runs.pop(index)
         try:
             return Run(**self._arguments(index))
-        except PHControlError as error:
-            self._found[index] = Outcome(index, None, str(error), False)
+        except Exception as error:  # refused arguments, or what a user's law raises
+            said = str(error) if isinstance(error, PHControlError) else _described(error)
+            self._found[index] = Outcome(index, None, said, False)
             bar.update()
             return None
 
@@ -344,3 +349,9 @@ class ManyRuns:
         log.fill(0, run.dt, *(part[:samples] for part in parts))
         log.end(samples)
         return log if samples == run.steps + 1 else log.truncated()
+
+
+def _described(error: Exception) -> str:
+    """Return a foreign error with the function that raised it: no traceback goes with an outcome."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__} in {last.name}, line {last.lineno} of {Path(last.filename).name}: {error}"

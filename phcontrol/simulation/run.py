@@ -28,6 +28,9 @@ from phcontrol.simulation.sampled_control import SampledControl, check_filter
 from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
 
+MOST_STEPS = 10**9
+"""Of one run: an hour and more of the fastest compiled loop."""
+
 
 class Run:
     """A plant under a controller from a state on, for a time. The arguments are those of :func:`simulate`.
@@ -56,6 +59,7 @@ class Run:
     ) -> None:
         check_loop(controller, system)
         self.dt, duration = positive("dt", dt), positive("duration", duration)
+        self.steps = steps_of(duration, self.dt)
         bodies = sequence("bodies", bodies, "bodies")
         if sensors is not None:
             sensors = sequence("sensors", sensors, "sensors", "quantity", "period", "start", "update", "reading")
@@ -69,6 +73,8 @@ class Run:
         state = controller.initial_state(controller.system.at(position, velocity))
         if controller_state0 is not None:
             state = vector("controller_state0", controller_state0, state.size)
+        if control_period is not None:
+            positive("control_period", control_period)
         if torque_filter is not None:
             check_filter(torque_filter, controller, control_period)
             control_period = torque_filter.period
@@ -86,7 +92,6 @@ class Run:
         self.instruments = None if sensors is None else Instruments(sensors, self.dt)
         self.stride = 0 if control_period is None else whole_multiple("control_period", control_period, self.dt)
         """Steps in a control period; 0 for a continuous controller."""
-        self.steps = max(1, math.ceil(min(duration / self.dt, 1e300) - 1e-9))
         self.start = np.concatenate([position, velocity, state, body_state, scene_state])
         """y at time 0."""
         self._sizes = state.size, body_state.size + scene_state.size
@@ -124,6 +129,16 @@ def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:
     if value is None or callable(value):
         return value  # type: ignore[no-any-return]
     return vector("disturbance", value, n)
+
+
+def steps_of(duration: float, dt: float) -> int:
+    """Return how many steps a run takes. Raises InvalidArgumentError where it would not come to its end."""
+    steps = min(duration / dt, 1e300) - 1e-9
+    if steps > MOST_STEPS:
+        raise InvalidArgumentError(
+            "dt", f"= {dt:g} s makes {steps:.2g} steps of {duration:g} s; a run has at most {MOST_STEPS:.0e}"
+        )
+    return max(1, math.ceil(steps))
 
 
 def torque_limit_of(value: Any, system: MechanicalSystem) -> Array | None:

@@ -11,10 +11,12 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from phcontrol._files import check_file_place, write_atomically
-from phcontrol._validation import Array
+from phcontrol._files import write_atomically, write_whole
+from phcontrol._validation import Array, finite_array
 from phcontrol._version import __version__
-from phcontrol.exceptions import PHControlError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
+
+_LATEST = 1e10  # time in nanoseconds that fits a file's 64 bits [s]
 
 
 class Signal(NamedTuple):
@@ -62,6 +64,7 @@ class Signals(NamedTuple):
         mcap is not installed.
         """
         _load("mcap", "mcap")
+        self._check()
         from mcap.writer import Writer
 
         def write(file: IO[bytes]) -> None:
@@ -79,14 +82,17 @@ class Signals(NamedTuple):
         return write_atomically(path, write)
 
     def to_rerun(self, path: str | os.PathLike[str], name: str = "phcontrol") -> Path:
-        """Write them as a Rerun recording (.rrd), a curve for each component; return the path.
+        """Write them as a Rerun recording (.rrd), atomically: a curve for each component; return the path.
 
         Raises PHControlError where rerun is not installed.
         """
         rerun = _load("rerun", "rerun")
-        check_file_place(path)
+        self._check()
+        return write_whole(path, lambda fresh: self._record(rerun, fresh, name))
+
+    def _record(self, rerun: Any, file: Path, name: str) -> None:
         stream = rerun.RecordingStream(name)
-        stream.save(os.fspath(path))
+        stream.save(os.fspath(file))
         times = rerun.TimeColumn("time", duration=np.asarray(self.time))
         for quantity, signal in self.quantities.items():
             columns = signal.values.T if signal.values.ndim == 2 else [signal.values]
@@ -97,7 +103,15 @@ class Signals(NamedTuple):
                 stream.send_columns(place, indexes=[times], columns=rerun.Scalars.columns(scalars=np.array(values)))
         stream.flush()
         stream.disconnect()
-        return Path(path)
+
+    def _check(self) -> None:
+        """Raise InvalidArgumentError where times are none that a file can have, or are not of as many samples."""
+        times = finite_array("time", self.time)
+        if times.ndim != 1 or (times < 0.0).any() or (times > _LATEST).any():
+            raise InvalidArgumentError("time", f"must be numbers of seconds from 0 to {_LATEST:g}, one a sample")
+        for name, signal in self.quantities.items():
+            if len(signal.values) != len(times):
+                raise InvalidArgumentError(name, f"has {len(signal.values)} samples, but there are {len(times)} times")
 
     def _channel(self, writer: Any, name: str, signal: Signal) -> int:
         properties = {label: {"type": ["number", "null"]} for label in _labels(signal)}

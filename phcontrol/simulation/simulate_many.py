@@ -20,6 +20,7 @@ from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.many_runs import MEASURES, ManyRuns
 from phcontrol.simulation.outcome import Outcome
+from phcontrol.simulation.run import steps_of
 from phcontrol.simulation.vector_field import ExternalForce
 
 
@@ -55,7 +56,8 @@ def simulate_many(
     differ between the runs are inputs of the code. What is not compiled is simulated interpreted, one run after the
     other; a CompilationWarning says so once.
 
-    A run that fails is an outcome with its error, and not the end; so is one whose arguments are refused.
+    A run that fails is an outcome with its error, and not the end; so is one whose arguments are refused, or whose law,
+    disturbance or sensor raises an error of its own.
 
     Args:
         system: the plant, or one for each run.
@@ -91,6 +93,7 @@ def simulate_many(
         [(4,), (4,)]
     """
     dt, duration = positive("dt", dt), positive("duration", duration)
+    steps_of(duration, dt)
     choice("integrator", integrator, INTEGRATORS)
     if not callable(measure):
         choice("measure", measure, MEASURES)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from phcontrol._validation import Array, choice
+from phcontrol._validation import Array, choice, instance
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
@@ -100,6 +100,10 @@ def compare(logs: Mapping[str, Log], title: str = "") -> Figure:
         >>> len(compare(runs).axes)
         4
     """
+    if not isinstance(logs, Mapping):
+        raise InvalidArgumentError("logs", f"must be runs by name, {{'first': log, ...}}, but is {type(logs).__name__}")
+    for name, log in logs.items():
+        instance(f"logs[{name!r}]", log, Log)
     if not logs:
         raise InvalidArgumentError("logs", "must hold at least one run")
     joints = {name: log.metadata["joint_names"] for name, log in logs.items()}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from phcontrol._files import write_text
-from phcontrol._validation import Array, positive
+from phcontrol._validation import Array, instance, positive
 from phcontrol.analysis.certificate import Certificate
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
@@ -50,6 +50,11 @@ def recorded_page(
     certificate: Certificate | None = None,
 ) -> str:
     """Return that page as text; with the address of MeshCat's ``script``, that is not part of it."""
+    instance("log", log, Log)
+    if robot is not None:
+        instance("robot", robot, Robot)
+    if certificate is not None:
+        instance("certificate", certificate, Certificate)
     stage = Stage.of(log, robot)
     return page(stage, frames_of(log, stage, positive("rate", rate)), script=script, certificate=certificate)
 

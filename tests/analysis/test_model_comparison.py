@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import inspect
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from phcontrol import (
+    ConstantTorque,
     InvalidArgumentError,
     MatrixDamping,
     MechanicalSystem,
     Payload,
+    Pose,
+    Robot,
+    StopVelocity,
     StribeckFriction,
     compare_models,
     load_robot,
 )
+from phcontrol.analysis.model_comparison import SEEN_OTHERWISE
 
 
 def test_a_model_is_the_same_as_itself():
@@ -59,6 +65,94 @@ def test_a_full_damping_is_compared_by_what_it_does():
     assert [(item.where, item.change) for item in report.of("friction")] == [
         (name, pytest.approx(4.0)) for name in robot.joint_names
     ]
+
+
+def test_the_coupling_of_a_full_damping_is_compared_too():
+    """Only the diagonal was: drag of one joint on another was ignored."""
+    robot = load_robot("pera_shoulder")
+    first, second = (MechanicalSystem(robot, friction=MatrixDamping([[1.0, x], [x, 1.0]])) for x in (0.0, 0.5))
+    found = compare_models(first, second).of("friction")
+    assert [item.where for item in found] == list(robot.joint_names)
+    assert abs(found[0].change) >= 1.0
+
+
+STRIBECK = {"viscous": 0.1, "coulomb": [0.5, 0.0], "static": [0.8, 0.0], "stribeck_velocity": 0.1, "smoothing": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("change", "quantity", "joints"),
+    [
+        ({"stribeck_velocity": 0.2}, "Stribeck velocity of friction", 1),
+        ({"smoothing": 1e-2}, "smoothing of friction", 1),
+        ({"static": [0.9, 0.0]}, "static friction", 1),
+        ({"viscous": 0.2}, "viscous friction", 2),
+    ],
+)
+def test_every_parameter_of_friction_is_compared(change, quantity, joints):
+    """Where it does something: where there is no dry friction its smoothing is nothing."""
+    assert set(inspect.signature(StribeckFriction).parameters) == set(STRIBECK)
+    robot = load_robot("pera_shoulder")
+    first, second = (MechanicalSystem(robot, friction=StribeckFriction(**STRIBECK | more)) for more in ({}, change))
+    report = compare_models(first, second, samples=3)
+    assert {item.quantity for item in report.differences} == {quantity}
+    assert len(report.differences) == joints
+
+
+def other(value):
+    """Return another value of the same kind."""
+    if isinstance(value, np.ndarray):
+        return ~value if value.dtype == bool else value + 0.1
+    if isinstance(value, tuple):
+        return tuple(not part for part in value)
+    return StopVelocity(0.3, 6.0) if isinstance(value, StopVelocity) else "another"
+
+
+def test_every_field_of_a_robot_is_compared_or_said_to_show_elsewhere():
+    """A field that is added is compared as it stands; none is ignored."""
+    robot = replace(load_robot("pera"), stop_velocity=StopVelocity(0.2, 6.0))
+    names = {field.name for field in fields(Robot)}
+    assert set(SEEN_OTHERWISE) < names
+    for name in names - set(SEEN_OTHERWISE):
+        changed = replace(robot, **{name: other(getattr(robot, name))})
+        report = compare_models(robot, changed, samples=1)
+        assert not report.same, name
+    seen = compare_models(robot, replace(robot, tool_frame=None), samples=1)
+    assert str(seen.differences[0]) == "tool frame: tool and none"
+    assert seen.differences[0].change == np.inf
+    seen = compare_models(robot, replace(robot, stop_velocity=None), samples=1)
+    assert {item.quantity for item in seen.differences} == {"stop velocity offset", "stop velocity deceleration"}
+
+
+def test_every_argument_of_a_system_is_compared():
+    arguments = set(inspect.signature(MechanicalSystem).parameters) - {"robot"}
+    robot = load_robot("pera_shoulder")
+    turned = [[0.0, 1.0], [1.0, 0.0]]
+    changes = {
+        "friction": (None, {"viscous friction", "coulomb friction", "static friction"}),
+        "potentials": ([ConstantTorque([0.0, 1.0])], {"gravity"}),
+        "input_matrix": (turned, {"input matrix"}),
+        "gravity": ((0.0, 0.0, -1.6), {"gravity", "gravity acceleration"}),
+    }
+    assert set(changes) == arguments
+    for name, (value, expected) in changes.items():
+        report = compare_models(robot, MechanicalSystem(robot, **{name: value}), samples=3)
+        assert {item.quantity for item in report.differences} == expected, name
+    varying = MechanicalSystem(robot, input_matrix=lambda q: np.diag([1.0, 1.0 + 0.1 * np.sin(q[0])]))
+    report = compare_models(robot, varying)
+    assert [item.where for item in report.differences] == [robot.joint_names[1]]
+    assert 0.08 < report.largest("input matrix") < 0.1
+
+
+def test_frames_are_compared():
+    robot = load_robot("pera")
+    moved = robot.with_frame("eye", "hand", Pose([0.0, 0.0, 0.05], np.eye(3)))
+    assert [str(item) for item in compare_models(robot, moved, samples=1).differences] == [
+        "frame of eye: missing and there"
+    ]
+    other_place = robot.with_frame("eye", "hand", Pose([0.0, 0.03, 0.01], np.eye(3)))
+    (found,) = compare_models(moved, other_place, samples=2).differences
+    assert (found.quantity, found.where) == ("frame position", "eye")
+    assert found.change == pytest.approx(0.05)
 
 
 def test_joints_that_only_one_has_and_their_order():

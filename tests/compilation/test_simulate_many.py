@@ -13,6 +13,7 @@ from phcontrol import (
     CompilationWarning,
     EnergyShaping,
     ForceSensor,
+    InvalidArgumentError,
     JointContact,
     MechanicalSystem,
     MomentumObserver,
@@ -310,3 +311,34 @@ def in_lanes(system, law, rng):
     alone = simulate(system, law, q0=q0[1], compiled=True, **options)
     np.testing.assert_allclose(outcomes[1].value.position, alone.position, rtol=0.0, atol=1e-13)
     np.testing.assert_allclose(outcomes[1].value.velocity, alone.velocity, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("start", [0.0, 0.03])
+def test_a_disturbance_that_raises_is_one_failed_run(compiled, start):
+    """It ended all runs."""
+
+    def breaks(t, x):
+        if t >= start:
+            raise ZeroDivisionError("of my own")
+        return np.zeros(2)
+
+    arm = MechanicalSystem(load_robot("pera_shoulder"))
+    law = make_controller("energy_shaping", arm, goal=[0.3, 0.5])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CompilationWarning)
+        found = simulate_many(arm, law, duration=0.05, disturbance=[None, breaks, None], compiled=compiled)
+    assert [bool(outcome.error) for outcome in found] == [False, True, False]
+    assert found[1].value is None
+    assert "ZeroDivisionError in breaks, line" in found[1].error
+    assert "of my own" in found[1].error
+    assert found[2].value.position.shape == (51, 2)
+
+
+def test_runs_of_endless_steps_are_refused():
+    arm = MechanicalSystem(load_robot("pera_shoulder"))
+    law = make_controller("energy_shaping", arm, goal=[0.3, 0.5])
+    for run in (simulate_many, simulate):
+        for dt, duration in ((1e-300, 1.0), (1e-9, 2.0), (1e-3, 1e9)):
+            with pytest.raises(InvalidArgumentError, match="dt: = .* s makes .* steps of .*; a run has at most 1e"):
+                run(arm, law, dt=dt, duration=duration)

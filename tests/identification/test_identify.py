@@ -27,6 +27,7 @@ from phcontrol import (
     load_robot,
     simulate,
 )
+from phcontrol._files import write_json
 from phcontrol.cli import application
 from phcontrol.identification.consistency import body_of, consistent_values, inconsistent, pseudo_inertia
 from phcontrol.identification.parameters import GROUPS, parameters_of, torque_columns
@@ -105,6 +106,100 @@ def test_what_another_arm_did_is_not_confirmed():
     found = found_in(Motion.of(log.time, log.position, log.velocity, torque, held=False))
     assert not found.passed
     assert "NOT confirmed" in str(found)
+
+
+def panda_signals():
+    log, *_ = panda_run()
+    return [np.array(part) for part in (log.time, log.position, log.velocity, log.torque)]
+
+
+def late(values, periods):
+    """Return a signal that shows each value some periods later."""
+    rows = np.clip(np.arange(len(values)) - periods, 0, len(values) - 1)
+    return values[rows]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda t, q, v, u: (1e3 * t, q, v, u),
+            "window: of 0.2 s has no 4 samples, which are 2 s apart: times must be in",
+        ),
+        (lambda t, q, v, u: (10.0 * t, q, v, u), r"panda_joint1 \(it goes 0.1 times as far as its velocity says\)"),
+        (lambda t, q, v, u: (t, q, np.degrees(v), u), "velocity in degrees a second"),
+        (lambda t, q, v, u: (t, q, v * [1, 1, 1, -1, 1, 1, 1], u), r"position of panda_joint4 \(it goes -1 times"),
+        (lambda t, q, v, u: (t, q, v[:, [1, 0, 2, 3, 4, 5, 6]], u), "panda_joint1 .*; panda_joint2 "),
+        (lambda t, q, v, u: (t, q, 0.0 * v, u), "the velocity is not the derivative of the position of panda_joint1"),
+        (lambda t, q, v, u: (t, q, late(v, 1), u), r"are late by 0.002 s \(1.0 periods\) against the positions"),
+        (lambda t, q, v, u: (t, q, late(v, 5), u), r"are late by 0.01 s \(5.0 periods\) against the positions"),
+        (lambda t, q, v, u: (t, late(q, 3), v, u), r"are early by 0.006 s \(3.0 periods\) against the positions"),
+    ],
+)
+def test_a_log_that_contradicts_itself_is_refused(change, said):
+    """Each was believed, and called confirmed; velocities of one period before made viscous friction wrong by 15 %."""
+    motion = Motion.of(*change(*panda_signals()), held=False)
+    with pytest.raises(InvalidArgumentError, match=said):
+        found_in(motion)
+
+
+def noisy(signals):
+    generator = np.random.default_rng(0)
+    sizes = (0.0, 2e-4, 5e-3, 0.3)
+    return [part + size * generator.normal(size=part.shape) for part, size in zip(signals, sizes, strict=True)]
+
+
+@pytest.mark.parametrize("with_noise", [False, True])
+def test_logs_that_agree_are_not_doubted(with_noise):
+    """Of a hundredth of a degree and of 5 mrad/s noise, and where half a period is between position and velocity."""
+    time, q, v, u = noisy(panda_signals()) if with_noise else panda_signals()
+    assert found_in(Motion.of(time, q, v, u, held=False)).passed
+    between = 0.5 * (v + late(v, 1))  # as a simulator that steps velocity and position in turn has it
+    assert found_in(Motion.of(time, q, between, u, held=False)).doubts == ()
+
+
+@pytest.mark.parametrize(("periods", "word"), [(1, "late by 0.002"), (5, "late by 0.0"), (-3, "early by 0.00")])
+def test_torques_that_come_late_are_doubted(periods, word):
+    """One period of 2 ms made viscous friction wrong by 29 %, 58 times its standard deviation, and was confirmed."""
+    time, q, v, u = noisy(panda_signals())
+    found = found_in(Motion.of(time, q, v, late(u, periods), held=False))
+    assert not found.passed
+    assert word in found.doubts[0]
+    assert f"doubted: torques that seem {word}" in str(found)
+    assert "NOT confirmed" in str(found)
+    assert found.to_dict()["doubts"] == list(found.doubts)
+
+
+@pytest.mark.filterwarnings("ignore::phcontrol.RobotDescriptionWarning")
+def test_positions_of_continuous_joints_may_go_round():
+    """A joint that passes ±π in a log has not gone back a turn."""
+    robot = load_robot("double_pendulum_continuous")
+    system = MechanicalSystem(robot)
+    time = np.arange(0.0, 8.0, 2e-3)
+    turn = np.outer(time, [1.3, 2.1])
+    q, v, a = 4.0 * np.sin(turn), 4.0 * np.cos(turn) * [1.3, 2.1], -4.0 * np.sin(turn) * np.square([1.3, 2.1])
+    torque = np.array([system.at(x, y).feedforward(y, z) for x, y, z in zip(q, v, a, strict=True)])
+    wrapped = np.remainder(q + np.pi, 2.0 * np.pi) - np.pi
+    assert np.abs(np.diff(wrapped, axis=0)).max() > 6.0
+    found = identify(Motion.of(time, wrapped, v, torque, held=False), ("viscous",), model=robot)
+    assert found.doubts == ()
+
+
+def test_a_model_that_is_right_already_is_confirmed():
+    """Errors of nothing before and after were compared with each other, and the comparison was lost by rounding."""
+    log, plant, _ = panda_run()
+    found = identify(log, ("offset",), model=plant, smoothing=SMOOTHING)
+    assert found.prediction.error("before", kept_back=True).max() < 1e-3
+    assert found.passed
+    assert "confirmed by these" in str(found)
+
+
+def test_nothing_kept_back_confirms_nothing(tmp_path):
+    """Means of no windows were NaN, with warnings, and could not be written as JSON."""
+    found = found_in(panda_run()[0], validation=0.0)
+    assert not found.passed
+    assert "none kept back: NOT confirmed by any" in str(found)
+    write_json(tmp_path / "found.json", found.to_dict())
 
 
 @cache

@@ -18,6 +18,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.mechanics import catalogue, mjcf
 from phcontrol.mechanics.loading import robot_from_record
 from tests.mechanics import mjcf_reference as reference
 
@@ -89,31 +90,37 @@ def test_an_arm_of_an_mjcf_is_one_like_any_other(tmp_path):
     assert drawn.placement("tcp", q).isApprox(robot.placement("tcp", q), 1e-12)
 
 
+def with_actuator(text):
+    return ("</actuator>", f"{text}</actuator>")
+
+
 CHANGES = [
-    ("<worldbody>", "<include file='x.xml'/><worldbody>", "line 7: <include>: is not followed"),
-    ("<worldbody>", "<extension/><worldbody>", "<extension>: plugins are not run"),
-    ('angle="degree"', 'angle="degree" settotalmass="3"', "<compiler settotalmass='3'> would be overlooked"),
-    ('angle="degree"', 'angle="degree" inertiafromgeom="true"', "<compiler inertiafromgeom='true'>"),
+    ("<worldbody>", "<include file='x.xml'/><worldbody>", "MuJoCo cannot read it: .*x.xml"),
     ("<worldbody>", '<option gravity="0 0 -1"/><worldbody>', r"take it out, and give MechanicalSystem\(..., gravity"),
     ("<worldbody>", '<option density="1.2"/><worldbody>', "no medium drags here"),
+    ("<worldbody>", '<option wind="1 0 0"/><worldbody>', "no medium drags here"),
     ("<worldbody>", '<option><flag gravity="disable"/></option><worldbody>', "<flag gravity='disable'>"),
     ('<body name="stand"', '<body gravcomp="1" name="stand"', "body 'stand': gravcomp='1' would be overlooked"),
     ('<body name="stand"', '<body mocap="true" name="stand"', "body 'stand' is moved by mocap data"),
-    ('<body name="stand"', "<body ", "a <body> has no name"),
-    ('<joint name="lift" type="slide"', '<joint name="lift" type="ball"', "joint 'lift' is a ball joint"),
-    ('<joint name="lift" type="slide"', '<joint name="lift" type="screw"', "has the unknown type 'screw'"),
-    ('<joint name="lift" type="slide" axis="0 0 1" range="-0.1 0.2"/>', "<freejoint/>", "'slider' is free to float"),
+    ('<body name="plate"', "<body ", "a <body> has no name: the one in slider"),
+    ('<joint name="waist" ', "<joint ", "a joint of body 'turret' has no name"),
+    ('type="slide" axis="0 0 1" range="-0.1 0.2"', 'type="ball"', "joint 'lift' is a ball joint"),
+    ('<joint name="lift" type="slide"', '<joint name="lift" type="screw"', "MuJoCo cannot read it: .*'screw'"),
+    ('<body name="stand"', '<body name="ball"><freejoint/><geom size="0.1"/></body><body name="stand"',
+     "body 'ball' is free to float"),
     ('<joint name="lift"', '<joint stiffness="3" name="lift"', "joint 'lift': stiffness='3' would be dropped"),
-    ('damping="0.7"/>', 'damping="0.7" springdamper="1 1"/>', "joint 'shoulder': springdamper='1 1' would be dropped"),
-    ('<joint name="lift"', '<joint damp="3" name="lift"', "joint 'lift' has no attribute 'damp'; it may have"),
+    ('damping="0.7"/>', 'damping="0.7" springdamper="1 1"/>', "joint 'shoulder': stiffness='0.15.*' would be dropped"),
+    ('<joint name="lift"', '<joint damp="3" name="lift"', "MuJoCo cannot read it: .*'damp'.*line 20"),
     ('damping="0.7"', 'damping="-0.7"', "joint 'shoulder': damping='-0.7' must be one number >= 0"),
     ('range="-0.1 0.2"', "", "joint 'lift' slides without limits"),
-    ('range="-90 120"', 'range="120 -90"', "joint 'waist': range='120 -90' must be two numbers, the lower first"),
+    ('range="-90 120"', 'range="120 -90"', "line .*joint 'waist': range='120 -90' must be two numbers, the lower"),
+    ('range="-90 120"', 'range="0 0"', "line .*joint 'waist': range='0 0' must be two numbers, the lower first"),
+    ('forcerange="-9 9"', 'forcerange="0 0"', "motor '': forcerange='0 0' must be two numbers, the lower first"),
+    ('forcerange="-9 9"', 'forcerange="0 9"', "joint 'shoulder' has actuators that make no torque in one direction"),
+    ('ctrlrange="-5 5"', 'ctrlrange="2 5"', "joint 'shoulder' has actuators that make no torque in one direction"),
+    ('gear="2"', 'gear="0"', "joint 'shoulder' has actuators that make no torque .*a gear of zero"),
     ('<joint name="lift"', '<joint name="lift2" axis="1 0 0"/><joint name="lift"', "body 'slider' has 2 joints"),
-    ('<geom type="capsule"', '<geom type="mesh"', "body 'turret' has its mass from a mesh; give it an <inertial>"),
-    ('<geom type="capsule"', '<geom shellinertia="true" type="capsule"', "'turret' has its mass from a shell"),
-    ('<site name="tip"', '<frame/><site name="tip"', "body 'upper' holds <frame>, which is not followed"),
-    ('childclass="upper"', 'childclass="uper"', "unknown class 'uper'"),
+    ('childclass="upper"', 'childclass="uper"', "MuJoCo cannot read it: .*unknown default childclass"),
     (
         "</mujoco>",
         '<tendon><fixed name="cable"><joint joint="waist" coef="1"/></fixed></tendon></mujoco>',
@@ -121,28 +128,143 @@ CHANGES = [
     ),
     (
         "</mujoco>",
+        '<tendon><spatial><site site="tip"/><site site="foot"/></spatial></tendon></mujoco>',
+        "tendon <spatial> would be dropped; take it out",
+    ),
+    (
+        "</mujoco>",
         '<equality><joint joint1="waist" joint2="shoulder"/></equality></mujoco>',
         "constraint <joint> of waist, shoulder would be dropped",
     ),
     ("</mujoco>", '<equality><weld body1="plate"/></equality></mujoco>', "constraint <weld> would be dropped"),
-    ("</mujoco>", '<keyframe><key name="home" qpos="0 1"/></keyframe></mujoco>', "'home' must have 3 numbers"),
-]
+    ("</mujoco>", '<keyframe><key name="home" qpos="0 1"/></keyframe></mujoco>', "'home' must|expected length 3"),
+    (*with_actuator('<general name="slow" joint="waist" dyntype="filter" dynprm="0.1"/>'),
+     "actuator 'slow' of joint 'waist' has a state of its own"),
+    (*with_actuator('<motor name="jet" site="tip"/>'), r"actuator 'jet' acts on no joint \(on a site\)"),
+    (*with_actuator('<adhesion name="glue" body="plate" ctrlrange="0 1"/>'), "actuator 'glue' acts on no joint"),
+    ('<site name="tip"', '<site name="waist_axis" pos="0 0 0.1"/><site name="tip"', "'waist_axis' names more than one"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "said"), CHANGES, ids=range(len(CHANGES)))
 def test_what_would_be_dropped_is_refused(old, new, said, tmp_path):
-    assert old in reference.ARM
+    arm = reference.ARM.replace("<worldbody>", '<worldbody><site name="foot"/>')
+    assert old in arm
     path = tmp_path / "arm.xml"
-    path.write_text(reference.ARM.replace(old, new, 1))
+    path.write_text(arm.replace(old, new, 1))
     with pytest.raises(RobotDescriptionError, match=said):
         load_robot(path)
 
 
-def test_what_a_mjcf_says_without_effect_passes(tmp_path):
+READ = [
+    ('angle="degree"', 'angle="degree" settotalmass="3"'),
+    ('angle="degree"', 'angle="degree" inertiafromgeom="true"'),
+    ('angle="degree"', 'angle="degree" eulerseq="XYZ"'),
+    ('angle="degree"', 'angle="degree" boundmass="0.7" boundinertia="0.01"'),
+    ('<geom type="capsule"', '<geom shellinertia="true" type="capsule"'),
+    ('<site name="tip"', '<frame pos="0 0.1 0"><geom size="0.05"/></frame><site name="tip"'),
+    ("<worldbody>", "<extension/><worldbody>"),
+    ("<worldbody>", '<compiler angle="radian"/><worldbody>'),
+    ("</mujoco>", '<equality><joint joint1="waist" active="false"/></equality></mujoco>'),
+    ('<joint axis="0 1 0" damping="0.7"/>', '<joint axis="0 1 0" damping="0.7" pos="0.05 0 0"/><geom euler="20 0 0"/>'),
+    ('ref="10"', 'ref="-20" pos="0 0.1 0"'),
+    ('<joint name="lift"', '<joint ref="0.05" name="lift"'),
+    ('<body name="plate" pos="0 0 0.1">', '<body name="plate" pos="0 0 0.1" quat="0 1 1 0"><geom size="0.1"/>'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new"), READ, ids=range(len(READ)))
+def test_all_ways_of_saying_it_are_those_of_mujoco(old, new, tmp_path, monkeypatch):
+    """Each was refused, for it would have been read as another arm."""
+    pytest.importorskip("mujoco")
+    text = reference.ARM.replace(old, new, 1)
+    assert text != reference.ARM
+    monkeypatch.setattr(reference, "ARM", text)
+    check(load("arm", tmp_path), reference.computed("arm"))
+
+
+def test_a_file_in_a_file_is_part_of_it(tmp_path):
+    pytest.importorskip("mujoco")
+    actuator = '<motor joint="waist" forcerange="-7 7"/>'
+    (tmp_path / "actuators.xml").write_text(f"<mujoco><actuator>{actuator}</actuator></mujoco>")
+    text = reference.ARM.replace("<worldbody>", '<include file="actuators.xml"/><worldbody>')
+    (tmp_path / "arm.xml").write_text(text)
+    robot = load_robot(tmp_path / "arm.xml")
+    assert robot.effort_limit[robot.joint_index("waist")] == 7.0
+
+
+@pytest.mark.parametrize(
+    ("actuators", "effort"),
+    [
+        ('<general class="strong" joint="waist"/>', 12.0),  # forcerange 4, gear 3, both of the class
+        ('<motor class="strong" jointinparent="waist"/>', 12.0),
+        ('<position class="strong" joint="waist" ctrlrange="-1 1"/>', 12.0),  # what it is sent is no torque
+        ('<motor class="strong" joint="waist" ctrlrange="-2 2"/>', 6.0),
+        ('<general class="strong" joint="waist" ctrlrange="-2 2" gainprm="1.5"/>', 9.0),
+        ('<motor joint="waist" forcerange="-4 4"/><motor jointinparent="waist" forcerange="-5 6"/>', 9.0),
+        ('<motor joint="waist" forcerange="-4 4"/><motor joint="waist"/>', 20.0),  # what the joint itself bears
+        ('<motor class="weak" joint="waist"/>', 1.5),
+        ("", 20.0),
+    ],
+)
+def test_efforts_are_those_of_the_actuators_as_compiled(actuators, effort, tmp_path):
+    """Those of a class, and of actuators in the parent's axes, were not read."""
+    mujoco = pytest.importorskip("mujoco")
+    classes = (
+        '<default class="strong"><general forcerange="-4 5" gear="3"/></default>'
+        '<default class="weak"><motor ctrlrange="-1.5 1.5"/></default>'
+    )
+    text = reference.ARM.replace('<default class="upper">', f'{classes}<default class="upper">')
+    text = text.replace("</actuator>", f"{actuators}</actuator>")
     path = tmp_path / "arm.xml"
-    text = reference.ARM.replace("</mujoco>", '<equality><joint joint1="waist" active="false"/></equality></mujoco>')
-    path.write_text(text.replace('angle="degree"', 'angle="degree" boundmass="0.0"'))
-    load_robot(path)
+    path.write_text(text)
+    robot = load_robot(path)
+    assert robot.effort_limit[robot.joint_index("waist")] == effort
+    if effort != 20.0 and "position" not in actuators:  # MuJoCo makes as much when it is asked for more
+        model = mujoco.MjModel.from_xml_path(str(path))
+        data, made = mujoco.MjData(model), []
+        for sign in (1.0, -1.0):
+            data.ctrl[:] = sign * 1e6
+            mujoco.mj_forward(model, data)
+            made.append(abs(data.qfrc_actuator[model.joint("waist").dofadr[0]]))
+        assert min(made) == pytest.approx(effort)
+
+
+def test_a_site_may_have_the_name_of_a_body(tmp_path):
+    """As in models that people share; the body's frame has the name."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(reference.ARM.replace('<site name="tip"', '<site name="plate"'))
+    robot, plain = load_robot(path), load("arm", tmp_path)
+    for name, as_before in (("plate", "plate"), ("plate_site", "tip")):
+        assert robot.placement(name, robot.home).isApprox(plain.placement(as_before, robot.home), 1e-12)
+    path.write_text(reference.ARM.replace('<site name="tip"', '<site name="upper" quat="1 0 0 0"/><site name="tip"'))
+    assert "upper_site" not in load_robot(path).frame_names  # it is where the body is
+
+
+def test_what_locked_joints_have_does_nothing(tmp_path):
+    """Springs, states of actuators and tendons of a joint that is held."""
+    pytest.importorskip("mujoco")
+    text = reference.ARM.replace('<joint name="lift"', '<joint stiffness="3" name="lift"')
+    text = text.replace("</actuator>", '<general joint="lift" dyntype="filter" dynprm="0.1"/></actuator>')
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    assert load_robot(path, locked_joints=["lift"]).n == 2
+
+
+def test_what_is_overlooked_is_found_by_what_it_does(tmp_path, monkeypatch):
+    """Were the checks blind to it, a spring or drag would show in the passive forces."""
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(mjcf, "check_model", lambda *_: None)
+    for old, new in (
+        ('<joint name="lift"', '<joint stiffness="3" name="lift"'),
+        ("<worldbody>", '<option density="1000"/><worldbody>'),
+        ('<body name="plate"', '<body gravcomp="1" name="plate"'),
+    ):
+        path = tmp_path / "arm.xml"
+        path.write_text(reference.ARM.replace(old, new, 1))
+        with pytest.raises(RobotDescriptionError, match="the passive force is another than MuJoCo's"):
+            load_robot(path)
 
 
 def test_constraints_of_locked_joints_do_nothing(tmp_path):
@@ -172,7 +294,7 @@ def test_a_xacro_file_is_expanded(tmp_path):
 
 
 def test_what_is_not_installed_is_said(tmp_path, monkeypatch):
-    for name in ("xacrodoc", "robot_descriptions", "franky_sim"):
+    for name in ("xacrodoc", "robot_descriptions"):
         monkeypatch.setitem(sys.modules, name, None)
     path = tmp_path / "arm.xacro"
     path.write_text("<robot/>")
@@ -180,8 +302,8 @@ def test_what_is_not_installed_is_said(tmp_path, monkeypatch):
         load_robot(path)
     with pytest.raises(RobotDescriptionError, match="needs robot_descriptions"):
         load_robot("robot_descriptions:iiwa14_description")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(RobotDescriptionError, match="fr3: comes with franky_sim: pip install franky-sim"):
+    monkeypatch.setitem(catalogue.installed(), "fr3", catalogue.installed()["fr3"] | {"package": "not-installed"})
+    with pytest.raises(RobotDescriptionError, match="fr3: comes with not-installed: pip install not-installed"):
         load_robot("fr3")
 
 
@@ -208,28 +330,6 @@ CLASSY = """<mujoco model="arm"><compiler {compiler}/>{extra}
 """
 
 
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"default": '<joint pos="0.05 0 0"/>'},
-        {"default": '<geom mass="3"/>'},
-        {"default": '<geom euler="20 0 0"/>'},
-        {"geom": 'axisangle="1 1 1 0.4"'},
-        {"compiler": 'eulerseq="XYZ"', "geom": 'euler="10 20 30"'},
-        {"extra": '<compiler angle="radian"/>'},
-        {"geom": 'group="6"', "compiler": 'inertiagrouprange="0 5"'},
-    ],
-    ids=str,
-)
-def test_what_is_read_otherwise_than_by_mujoco_is_refused(parts, tmp_path):
-    """Each was loaded with another mass matrix, weight or range."""
-    pytest.importorskip("mujoco")
-    path = tmp_path / "arm.xml"
-    path.write_text(CLASSY.format(**{"compiler": "", "extra": "", "default": "", "geom": ""} | parts))
-    with pytest.raises(RobotDescriptionError):
-        load_robot(path)
-
-
 def test_the_same_arm_as_mujocos_is_loaded(tmp_path):
     pytest.importorskip("mujoco")
     path = tmp_path / "arm.xml"
@@ -243,5 +343,5 @@ def test_without_mujoco_it_is_said_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     path = tmp_path / "arm.xml"
     path.write_text(CLASSY.format(compiler="", extra="", default="", geom=""))
-    with pytest.raises(RobotDescriptionError, match=r"held against MuJoCo itself.*phcontrol\[mujoco\]"):
+    with pytest.raises(RobotDescriptionError, match=r"an MJCF file needs MuJoCo: pip install 'phcontrol\[mujoco\]'"):
         load_robot(path)

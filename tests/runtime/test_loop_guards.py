@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from phcontrol import (
     Command,
     ControlLoop,
+    InvalidArgumentError,
     Limits,
     LoopMode,
     Measured,
@@ -27,6 +28,7 @@ from phcontrol import (
 from phcontrol.runtime.duration_histogram import DurationHistogram
 from phcontrol.runtime.restart_policy import RestartPolicy
 from phcontrol.runtime.timing import TimingRecorder
+from tests.conftest import make_system
 from tests.runtime.test_control_loop import PERIOD, Clock, make_loop
 from tests.simulation.idle import IdleLaw
 
@@ -610,3 +612,31 @@ def test_an_arms_clock_that_says_no_time_is_not_believed(pera, elapsed):
         torque = told.step(pera.robot.home, rest, elapsed=elapsed)
         np.testing.assert_array_equal(torque, own.step(pera.robot.home, rest))
     assert told.fault is None
+
+
+@pytest.mark.parametrize("shown", ["12:00", None, np.nan, np.inf, 1e300, [1.0, 2.0], 1j, object()])
+@pytest.mark.parametrize("steps", [0, 5])
+def test_a_clock_that_shows_no_time_stops_the_loop(shown, steps):
+    """TypeError and OverflowError left ``step``."""
+    system = make_system("pera")
+    law = make_controller("energy_shaping", system, system.robot.near_home())
+    times = iter([1e-3 * k for k in range(2 * steps)])
+    loop = ControlLoop(system, law, 1e-3, clock=lambda: next(times, shown))
+    q, v = system.robot.near_home(), np.zeros(system.n)
+    for _ in range(steps):
+        loop.step(q, v)
+    for _ in range(300):
+        torque = loop.step(q, v)
+    assert loop.mode == LoopMode.STOPPED
+    assert "which is no time in seconds" in loop.reason
+    np.testing.assert_allclose(torque, system.at(q).potential_gradient, atol=1e-9)
+
+
+def test_a_clock_that_fails_stops_the_loop():
+    system = make_system("pera")
+    law = make_controller("energy_shaping", system, system.robot.near_home())
+    loop = ControlLoop(system, law, 1e-3, clock=lambda: 1 / 0)
+    loop.step(system.robot.near_home(), np.zeros(system.n))
+    assert isinstance(loop.fault, ZeroDivisionError)
+    with pytest.raises(InvalidArgumentError, match="clock: must be a function"):
+        ControlLoop(system, law, 1e-3, clock=3.0)

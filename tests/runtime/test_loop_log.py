@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from phcontrol import (
     ControlBox,
     ControlLoop,
     DataFileError,
+    InvalidArgumentError,
     Limits,
     LoopLog,
     LoopMode,
@@ -27,6 +29,8 @@ from phcontrol import (
     read_loop_log,
     simulate,
 )
+from phcontrol.runtime import loop_log
+from phcontrol.simulation.signals import Signal, Signals
 from tests.conftest import make_system
 
 PERIOD = 1e-3
@@ -174,6 +178,123 @@ def test_what_cannot_be_written_or_is_not_there_is_said(tmp_path, monkeypatch):
         read_loop_log(tmp_path / "none.loop")
 
 
+def test_two_logs_on_one_path_are_refused(tmp_path):
+    """The first went on into a file without a name, and all of it was lost without a word."""
+    path = tmp_path / "run.loop"
+    loop, arm = make_loop()
+    with LoopLog(path, loop) as log:
+        with pytest.raises(PHControlError, match="another LoopLog is writing this file"):
+            LoopLog(path, loop)
+        drive(loop, arm, 0.01, each_step=log)
+    assert len(read_loop_log(path)) == 10
+    LoopLog(path, loop).close()  # once it is closed the file is replaced
+    assert len(read_loop_log(path)) == 0
+    assert [item.name for item in tmp_path.iterdir()] == ["run.loop"]
+
+
+def test_a_log_of_another_process_is_not_replaced_and_of_a_killed_one_is(tmp_path):
+    path = tmp_path / "run.loop"
+    program = (
+        "import sys, time\n"
+        "from phcontrol import LoopLog\n"
+        "from tests.runtime.test_loop_log import make_loop\n"
+        "log = LoopLog(sys.argv[1], make_loop()[0])\n"
+        "print('ready', flush=True)\n"
+        "time.sleep(60.0)\n"
+    )
+    root = str(Path(__file__).parents[2])
+    loop, _ = make_loop()
+    with subprocess.Popen(
+        [sys.executable, "-c", program, path], env=os.environ | {"PYTHONPATH": root}, stdout=subprocess.PIPE, text=True
+    ) as writer:
+        assert writer.stdout.readline() == "ready\n"
+        with pytest.raises(PHControlError, match="another LoopLog is writing this file"):
+            LoopLog(path, loop)
+        writer.kill()
+        writer.wait()
+        LoopLog(path, loop).close()
+
+
+def test_a_closed_log_says_so(tmp_path):
+    loop, arm = make_loop()
+    with LoopLog(tmp_path / "run.loop", loop) as log:
+        drive(loop, arm, 0.01, each_step=log)
+    with pytest.raises(PHControlError, match="this log is closed"):
+        drive(loop, arm, 0.01, each_step=log)
+    log.close()
+    with pytest.raises(PHControlError, match="loop: must be a ControlLoop, but is NoneType"):
+        LoopLog(tmp_path / "run.loop", None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"position": [6, 13]', b'"position": [13, 20]'),  # velocities for positions
+        (b'"gravity": "controller"', b'"gravity": "robot"'),
+        (b'"period": 0.001', b'"period": 0.002'),
+    ],
+)
+def test_a_log_whose_head_was_edited_is_refused(tmp_path, old, new):
+    path = tmp_path / "run.loop"
+    run(path, steps=5, duration=0.05)
+    content = bytearray(path.read_bytes())
+    length, first = int.from_bytes(content[8:16], "little"), loop_log._HEAD.size
+    text = bytes(content[first : first + length])
+    assert old in text
+    edited = text.replace(old, new)
+    content[first : first + len(edited)] = edited
+    content[8:16] = len(edited).to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(DataFileError, match="its head was changed after it was written"):
+        read_loop_log(path)
+
+
+def edited_log(path, change):
+    """Write a log again whose text is changed, with a head that fits."""
+    content = bytearray(path.read_bytes())
+    length, first = int.from_bytes(content[8:16], "little"), loop_log._HEAD.size
+    about = json.loads(content[first : first + length])
+    change(about)
+    text = json.dumps(about).encode()
+    width, rows = (int.from_bytes(content[k : k + 8], "little") for k in (16, 24))
+    content[: first + len(text)] = loop_log._head(text, width, rows) + text
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda about: about["places"].update(position=about["places"]["velocity"]),
+        lambda about: about["joints"].pop(),
+        lambda about: about.update(joints=[1, 2, 3, 4, 5, 6, 7]),
+        lambda about: about.update(robot=None),
+        lambda about: about["places"].pop("age"),
+        lambda about: about["places"].update(age=[2, 2]),
+        lambda about: about.update(places=None),
+    ],
+)
+def test_a_head_that_contradicts_itself_is_refused(tmp_path, change):
+    path = tmp_path / "run.loop"
+    run(path, steps=5, duration=0.05)
+    edited_log(path, change)
+    with pytest.raises(DataFileError, match="not the log of a control loop"):
+        read_loop_log(path)
+
+
+@pytest.mark.parametrize(("column", "value"), [(1, np.nan), (4, 7.0), (4, np.nan)])
+def test_a_row_that_no_loop_writes_is_refused(tmp_path, column, value):
+    """``modes`` raised ValueError, and an export wrote its times as they came."""
+    path = tmp_path / "run.loop"
+    run(path, steps=5, duration=0.05)
+    content = bytearray(path.read_bytes())
+    width = 8 * int.from_bytes(content[16:24], "little")
+    place = len(content) - 50 * width + 8 * column
+    content[place : place + 8] = np.array([value]).tobytes()
+    path.write_bytes(content)
+    with pytest.raises(DataFileError, match="a row has no time, or a mode that no loop has"):
+        read_loop_log(path)
+
+
 # --- other programs -------------------------------------------------------------------------------------------
 
 
@@ -231,6 +352,55 @@ def test_rerun_makes_a_recording(records, tmp_path):
         content = path.read_bytes()
         assert content[:4] == b"RRF2"
         assert b"/torque/" in content
+
+
+class BrokenStream:
+    """A recording that fails in the middle, as on a full disk."""
+
+    def __init__(self, name):
+        self.file = None
+
+    def save(self, path):
+        self.file = open(path, "wb")  # noqa: SIM115
+        self.file.write(b"RRF2 half")
+
+    def log(self, *_, **__):
+        self.file.close()
+        raise OSError(28, "No space left on device")
+
+
+def test_a_rerun_recording_is_whole_or_the_old_one(records, tmp_path, monkeypatch):
+    """The file of before was there in part only."""
+    monkeypatch.setitem(
+        sys.modules,
+        "rerun",
+        SimpleNamespace(RecordingStream=BrokenStream, TimeColumn=lambda *_, **__: None, SeriesLines=lambda **_: None),
+    )
+    path = tmp_path / "exports" / "run.rrd"
+    path.parent.mkdir()
+    path.write_bytes(b"of before")
+    for source in records:
+        with pytest.raises(DataFileError, match="No space left"):
+            source.to_rerun(path)
+    assert path.read_bytes() == b"of before"
+    assert [item.name for item in path.parent.iterdir()] == ["run.rrd"]
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, -1.0, 1e300])
+@pytest.mark.parametrize("way", ["to_mcap", "to_rerun"])
+def test_times_that_no_file_has_are_refused(time, way, tmp_path, monkeypatch):
+    """struct.error left ``to_mcap``."""
+    if way == "to_mcap":
+        pytest.importorskip("mcap")
+    else:
+        monkeypatch.setitem(sys.modules, "rerun", SimpleNamespace())
+    signals = Signals(np.array([0.0, time]), {"a": Signal(np.zeros(2), "m")}, {"robot": "arm"})
+    with pytest.raises(InvalidArgumentError, match="time: must be"):
+        getattr(signals, way)(tmp_path / "file")
+    signals = Signals(np.array([0.0, 1.0]), {"a": Signal(np.zeros(3), "m")}, {"robot": "arm"})
+    with pytest.raises(InvalidArgumentError, match="a: has 3 samples, but there are 2 times"):
+        getattr(signals, way)(tmp_path / "file")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("way", ["to_xarray", "to_mcap", "to_rerun"])

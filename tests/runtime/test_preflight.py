@@ -182,3 +182,18 @@ def test_bad_trials_are_refused():
         preflight(0.0)
     with pytest.raises(InvalidArgumentError, match="duration: must be >= 0.1"):
         preflight(1e-3, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"period": 1e-9}, "period: must be >= 1e-05, but is 1e-09"),
+        ({"period": 1e-300, "duration": 1.0}, "period: must be >= 1e-05"),
+        ({"period": 1e-3, "duration": 1e9}, "duration: must be <= 3600"),
+        ({"period": 100.0}, "period: must be <= 36"),
+        ({"period": None}, "period: must be a number"),
+    ],
+)
+def test_a_trial_that_would_not_end_is_refused(arguments, said):
+    with pytest.raises(InvalidArgumentError, match=said):
+        preflight(**arguments)
