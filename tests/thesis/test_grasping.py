@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from phcontrol import MechanicalSystem, certify, load_robot
 from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
-from phcontrol.thesis.grasping import START, STRETCHED, grasp, make_body, make_laws
+from phcontrol.thesis.grasping_runs import START, STRETCHED, grasp, make_body, make_laws
 from phcontrol.thesis.measures import touch_time
 
 MASS, FRICTION, STIFFNESS = 0.5, 0.1, 1.0  # m_g, d_g, K_p
