@@ -58,7 +58,7 @@ def force_control_conditions(
 
     and bounds Ḣ_ε by norms. Here Ḣ_ε = −½[p̂; w]ᵀQ(ε)[p̂; w] is taken as it is: Q(ε) = Q₀ + εQ₁ at each sampled
     state, whose largest ε with Q(ε) > 0 is one generalised eigenvalue. The printed conditions are computed beside it;
-    they are neither necessary nor sufficient: (4.14) has the bounds upside down.
+    they are neither necessary nor sufficient: (4.14) bounds ε from the wrong side (errata E25).
 
     Args:
         controller: the law of force control.

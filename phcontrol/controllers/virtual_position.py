@@ -6,13 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import root
 
 from phcontrol._validation import Array, gain, vector
-from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics.system import MechanicalSystem, check_system
-
-_FOUND = 1e-9  # of the joint force
 
 
 class VirtualPosition(NamedTuple):
@@ -21,7 +17,7 @@ class VirtualPosition(NamedTuple):
     position: Array
     """q_f, shape (n,) [rad]."""
     joint_force: Array
-    """f_d = 𝒥(q_f)ᵀF_d, shape (n,) [N·m]."""
+    """f_d = 𝒥(q_c)ᵀF_d, shape (n,) [N·m]."""
 
 
 def virtual_position(
@@ -32,10 +28,10 @@ def virtual_position(
     *,
     contact: ArrayLike | None = None,
 ) -> VirtualPosition:
-    """Return the q_f whose spring, held at the contact, exerts a force in space: f_d = 𝒥(q_f)ᵀF_d = K_p(q_f − q_c).
+    """Return the q_f whose spring, held at the contact, exerts a force in space: K_p(q_f − q_c) = 𝒥(q_c)ᵀF_d.
 
-    Thesis (4.40), remark 4.2.1; there the contact is at q_c = 0. The Jacobian is that of the virtual position, as
-    printed: an equation for q_f, solved numerically from q_c.
+    Thesis (4.40), remark 4.2.1; there the contact is at q_c = 0. The Jacobian is that of the contact, where the arm
+    is when the force acts, not that of q_f, as printed (errata E43).
 
     Args:
         system: the model of the arm.
@@ -44,23 +40,19 @@ def virtual_position(
         stiffness: K_p, positive definite [N·m/rad].
         contact: q_c, where the joints are held by what is touched [rad]; 0 if not given.
 
-    Raises PHControlError when no such position is found: the force is more than the spring can be stretched for.
+    Raises InvalidArgumentError for what has another shape, UnknownNameError for another frame.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, load_robot, virtual_position
+        >>> arm = MechanicalSystem(load_robot("pera_shoulder_elbow"))
+        >>> found = virtual_position(arm, "tool", [0.0, 0.0, -5.0], 40.0, contact=[0.0, 0.7, -1.8])
+        >>> found.position.shape
+        (3,)
     """
     check_system(system)
     wrench = np.asarray(force, dtype=float)
     wrench = np.concatenate([vector("force", force, 3), np.zeros(3)]) if wrench.size == 3 else vector("force", force, 6)
     K = gain("stiffness", stiffness, system.n)
     held = np.zeros(system.n) if contact is None else vector("contact", contact, system.n)
-
-    def joint_force(position: Array) -> Array:
-        return np.asarray(system.at(position).frame_jacobian(frame, "local_world_aligned").T @ wrench, dtype=float)
-
-    def missing(position: Array) -> Array:
-        left: Array = K.dot(position - held) - joint_force(position)
-        return left
-
-    found = root(missing, held + np.linalg.solve(K, joint_force(held)), method="hybr", tol=1e-13).x
-    asked = joint_force(found)
-    if float(np.abs(missing(found)).max()) > _FOUND * max(1.0, float(np.abs(asked).max())):
-        raise PHControlError(f"found no virtual position for {wrench[:3]} N at '{frame}': a stiffer K_p may have one")
-    return VirtualPosition(found, asked)
+    asked = np.asarray(system.at(held).frame_jacobian(frame, "local_world_aligned").T @ wrench, dtype=float)
+    return VirtualPosition(held + np.linalg.solve(K, asked), asked)

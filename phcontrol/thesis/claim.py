@@ -90,18 +90,18 @@ class Claim:
         measured = " (measured; ours is a simulation)" if self.stand_in else ""
         whose = "thesis" if self.origin.of_the_thesis else "aim"
         sign = "" if self.relation == "=" else f"{self.relation} "
-        printed = f"{whose} {sign}{_text(self.printed)} {self.unit}".rstrip()
+        printed = f"{whose} {sign}{_text(self.printed, self.unit)}"
         lines = [f"  {self.verdict_text}: {self.statement}{measured}: {printed}"]
         for finding in self.findings:
             notes = [finding.chosen, finding.vacuous and f"could not fail: {finding.vacuous}"]
-            value = f"{_text(finding.ours)} {self.unit}".rstrip()
+            value = _text(finding.ours, self.unit)
             under = finding.conditions if self.origin.of_the_thesis else "ours"
             lines.append(f"      {'; '.join([f'{under}: {value}', *filter(None, notes)])}")
         return "\n".join([*lines, *([f"      {self.reason}"] if self.reason else [])])
 
 
-def _text(values: tuple[float, ...]) -> str:
+def _text(values: tuple[float, ...], unit: str) -> str:
     if not np.isfinite(values).all():
         return "never"
     numbers = ", ".join(f"{value:.4g}" for value in values)
-    return f"({numbers})" if len(values) > 1 else numbers
+    return f"{f'({numbers})' if len(values) > 1 else numbers} {unit}".rstrip()

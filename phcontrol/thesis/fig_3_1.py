@@ -210,8 +210,9 @@ def _figure(logs: dict[str, Log]) -> Figure:
     }
     for name, (color, label) in styles.items():
         log = logs[name]
-        axes.plot(log.time, log.position[:, 0], color=color, label=label)
-        axes.plot(log.time, log.position[:, 1], color=color, linestyle="--")
+        above = 2 if name == "modeled" else 3  # the same as the measured one until the force sets in
+        axes.plot(log.time, log.position[:, 0], color=color, label=label, zorder=above)
+        axes.plot(log.time, log.position[:, 1], color=color, linestyle="--", zorder=above)
     for level in (1.0, 1.2, 0.5, 0.3):
         axes.axhline(level, color="black", linewidth=0.5, alpha=0.4)
     for time, text in ((FORCE_FROM, "f_e = (3, −3) N·m"), (INTEGRAL_FROM, "integral action")):

@@ -105,7 +105,11 @@ def _conditions() -> list[Claim]:
               "one eigenvalue, at each sampled state. There is none where a joint has no friction"),
         Claim("lyapunov", "the printed (4.13) to (4.15) are sufficient: largest ε with which (4.21) decreases, against "
               "the largest that they allow", Origin.THEOREM, "Theorem 4.1.1", (allowed,), "", 0.0,
-              [Finding((found.decreasing,), "E23")], ">=", "(4.14) has its bounds upside down (E25)"),
+              [Finding((found.decreasing,), "E23")], ">=",
+              "(4.32), from which (4.14) is, has its inequality turned: Q₁ of (4.31) is positive definite for an ε "
+              "above it, Q₂ for one below (4.33), and here, where all bounds are equal, both are at 1: no ε serves "
+              "both. Their sum, which is what must be positive, allows ε² < 4d/(4d + c), d = d_g/m_g and c = C/m_g: "
+              "friction decides, of which the printed bounds know nothing (E25)"),
     ]  # fmt: skip
 
 

@@ -263,7 +263,7 @@ def _convergence(logs: dict[str, Log]) -> Figure:
 
     from phcontrol.visualization.colors import COLORS
 
-    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    figure = Figure(figsize=(7.5, 5.4), layout="constrained")
     axes = figure.subplots()
     for color, (name, log) in zip(COLORS, logs.items(), strict=False):
         error = np.abs(log.features - GOAL).max(axis=1)
@@ -274,6 +274,6 @@ def _convergence(logs: dict[str, Log]) -> Figure:
         xlabel="t [s]", ylabel="largest error of a feature [mm]", xlim=(0.1, 2e3), ylim=(3e-4, 60.0),
         title="Both laws, seven sets of gains",
     )  # fmt: skip
-    axes.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=2)
     axes.grid(alpha=0.25)
     return figure

@@ -12,8 +12,7 @@ READINGS: dict[str, str] = {
     "R4": "the law of section 6.3 has a model of the viscous friction only, the arm has all of it",
     "R5": "image features are in millimetres, as section 5.4.2 gives them, so K_tau in rad/s/mm",
     "R6": "the law of figure 3.1 feeds back the measured f_e too, which (3.2) with (3.1) leaves out",
-    "R7": "a rigid body is a stop, of which the law measures no f_e: it holds the fingers where it begins; and the "
-    "force is the one that (4.39) calls f_d, that of the virtual spring",
     "R8": "the compliant body is coupled as (4.65) and (4.66) print it, f_e = -y_c and u_c = y_g, from contact on",
     "R9": "what takes t > 2 s takes more than 2 s, and less than the half second more in which such times are given",
+    "R10": "the S of (2.30) is any with R + S >= 0, as Theorem 2.2.1 leaves it open: there is one with which it holds",
 }

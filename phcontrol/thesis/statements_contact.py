@@ -6,22 +6,25 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import root
 
 from phcontrol._validation import Array
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
+from phcontrol.controllers.virtual_position import virtual_position
 from phcontrol.environments.contact_geometry import JointContact
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import Measured
 from phcontrol.thesis.claim import Claim
 from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
-from phcontrol.thesis.exact import exact, largest_real_part, negative, off, positive, rate
+from phcontrol.thesis.exact import exact, largest_real_part, negative, off, positive, rate, slope
 from phcontrol.thesis.fig_3_1 import GOAL
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.printed_coupling import PrintedCoupling
 from phcontrol.thesis.statements_plant import draw, shoulder
 
+SPRING = 20.0  # K_p of remark 4.2.1 on three joints [N·m/rad]
 FORCE_GAIN = np.array([0.5, 4.0])  # diagonal of a K_z with two gains: κ₁, κ₂
 GRIPPER: dict[str, Any] = {
     "goal": [0.0],
@@ -33,7 +36,7 @@ GRIPPER: dict[str, Any] = {
 
 def contact_claims() -> list[Claim]:
     """Return the claims of chapter 4 that no figure shows."""
-    return [_positive_form(), _port(), _stable(), _law_for_the_gripper(), _coupling()]
+    return [_positive_form(), _in_space(), _port(), _stable(), _law_for_the_gripper(), _coupling()]
 
 
 def _positive_form() -> Claim:
@@ -49,6 +52,34 @@ def _positive_form() -> Claim:
         "Theorem 4.1.1, (4.13), (4.22) to (4.24)",
         [Finding((least(below[0]),), chosen=chosen), Finding((least(below[1]),), "E25", chosen=chosen)],
         "K_z ≤ κ₂ is what bounds ε, not κ₁; for a K_z with one gain, as in section 4.1.2, they are the same",
+    )  # fmt: skip
+
+
+def _in_space() -> Claim:
+    """Hold the force with which a spring to the q_f of (4.40) presses, where the arm is held, to F_d."""
+    system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
+    worst, asked = {"printed": 0.0, "corrected": 0.0}, np.array([1.0, -2.0, 3.0])
+    for x, _ in draw(system, 0):
+        held = system.robot.home + 0.2 * x.position
+
+        def joint_force(q: Array) -> Array:
+            return np.asarray(system.at(q).frame_jacobian("tool", "local_world_aligned")[:3].T @ asked)
+
+        lever = slope(lambda q: np.array(system.at(q).placement("tool").translation), held)
+        goals = {
+            "printed": root(lambda q, c=held: SPRING * (q - c) - joint_force(q), held, tol=1e-13).x,
+            "corrected": virtual_position(system, "tool", asked, SPRING, contact=held).position,
+        }
+        for name, goal in goals.items():
+            # F·ṙ is the power of the spring's torque, whatever way the hand is moved
+            worst[name] = max(worst[name], off(np.linalg.solve(lever, SPRING * (goal - held)), asked))
+    return exact(
+        "force-in-space", "the virtual spring to the q_f of (4.40) presses with F_d in space where the arm is held",
+        "remark 4.2.1, (4.40)", worst["printed"], worst["corrected"], "E43",
+        "𝒥 of (4.40) is that of q_f, where the arm is not while it presses. By virtual work, with the hand's "
+        "displacements by finite differences",
+        f"F_d = (1, -2, 3) N, K_p = {SPRING:g} N·m/rad, the three joints held near q = (0, 0.7, -1.8) rad",
+        origin=Origin.TEXT,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import root
 
 from phcontrol._differences import central_difference
 from phcontrol._validation import Array
@@ -20,25 +21,28 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.mechanics.transformations import check_canonical_transformation
 from phcontrol.sensors.measured import Measured
+from phcontrol.simulation.closed_loop import simulate
 from phcontrol.thesis.claim import Claim
 from phcontrol.thesis.exact import exact, off, rate, slope
-from phcontrol.thesis.fig_5_3 import GOAL, PRINTED_DAMPING, PRINTED_GAIN, START
+from phcontrol.thesis.fig_5_3 import GOAL, POSTURE, PRINTED_DAMPING, PRINTED_GAIN, START
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.origin import Origin
 from phcontrol.thesis.statements_plant import SAMPLES, SEED, shoulder
 from phcontrol.thesis.tracking import GAINS, sinusoid
 from phcontrol.trajectories.tracking_transformation import TrackingTransformation
+from phcontrol.vision.feature_flow import FeatureFlow
 from phcontrol.vision.goal_posture import goal_posture
 from phcontrol.vision.interaction import back_project, interaction_matrix, project
 from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 
 FOCAL = PinholeCamera().focal_length  # [m]
+SERVO_TIME, STARTS = 20.0, 100  # [s]; starts of the inverse kinematics
 
 
 def vision_claims() -> list[Claim]:
     """Return the claims of chapter 5 that no figure shows."""
-    return [*_features(), *_balances(), _reached()]
+    return [*_features(), _posture(), *_balances(), _reached()]
 
 
 def tracking_claims() -> list[Claim]:
@@ -82,10 +86,48 @@ def _shown(point: Array, twist: Array, h: float) -> Array:
     return project(pin.exp6(h * twist).actInv(point), FOCAL, OBJECT_LENGTH)
 
 
-def _balances() -> list[Claim]:
+def _scene() -> tuple[MechanicalSystem, PinholeCamera, ObservedObject]:
     system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
     camera = PinholeCamera().mounted_on(system.robot)
-    thing = ObservedObject.seen_as(camera, START, system.at(system.robot.home))
+    return system, camera, ObservedObject.seen_as(camera, START, system.at(system.robot.home))
+
+
+def _posture() -> Claim:
+    """Hold where the arm ends to the postures that (5.1) and inverse kinematics give for the desired features."""
+    system, camera, thing = _scene()
+    law = HamiltonianServo(
+        system, goal=GOAL, damping=PRINTED_DAMPING, rate=1.0, stiffness=1.0, singular_damping=0.0
+    )  # gains of section 5.4.2
+    scene = FeatureFlow(camera, START, OBJECT_LENGTH)
+    end = simulate(system, law, duration=SERVO_TIME, dt=5e-3, scene=scene, torque_limit=None).position[-1]
+    seen_at = np.array([GOAL[0], GOAL[1], FOCAL]) * OBJECT_LENGTH / GOAL[2]  # (X, Y, Z) of (5.1)
+
+    def missing(q: Array) -> Array:
+        place = system.robot.placement(str(camera.frame), q).act(seen_at)
+        return np.asarray(place - thing.position)
+
+    postures: list[Array] = []
+    for start in np.random.default_rng(SEED).uniform(-np.pi, np.pi, size=(STARTS, 3)):
+        found = root(missing, start, tol=1e-12).x
+        if np.abs(missing(found)).max() < 1e-9 and all(_apart(found, other) > 1e-3 for other in postures):
+            postures.append(found)
+    nearest, *others = sorted(_apart(posture, end) for posture in postures) or [np.inf]
+    return Claim(
+        "posture-of-the-features", "the arm ends where (5.1) and inverse kinematics say, given τ_d: largest error of a "
+        "joint", Origin.TEXT, "remark 5.2.1, (5.1)", (0.0,), "rad", 1e-3,
+        [Finding((nearest,), "E16, E17, E19", chosen=f"{POSTURE}; the Hamiltonian law, after {SERVO_TIME:g} s")],
+        reason=f"of {1 + len(others)} postures that inverse kinematics finds from {STARTS} random ones, it is the "
+        "nearest: τ_d alone does not say which" + (f" (the next is {others[0]:.2g} rad away)" if others else ""),
+    )  # fmt: skip
+
+
+def _apart(one: Array, other: Array) -> float:
+    """Return how far apart two postures are, in the joint that differs most, whole turns aside [rad]."""
+    return float(np.abs(np.remainder(one - other + np.pi, 2.0 * np.pi) - np.pi).max())
+
+
+def _balances() -> list[Claim]:
+    system, _, thing = _scene()
     posture = goal_posture(system, thing, GOAL)
     options: dict[str, Any] = {"goal": GOAL, "damping": PRINTED_DAMPING}
     reduction = ReductionServo(system, **options, feature_gain=PRINTED_GAIN, posture=posture)
@@ -131,16 +173,16 @@ def _grown(
 
 def _reached() -> Claim:
     """Measure how far the camera is from the object where its features are the desired ones."""
-    system = MechanicalSystem(load_robot("pera_shoulder_elbow"))
-    camera = PinholeCamera().mounted_on(system.robot)
-    thing = ObservedObject.seen_as(camera, START, system.at(system.robot.home))
+    system, camera, thing = _scene()
     pose = system.robot.placement(str(camera.frame), goal_posture(system, thing, GOAL))
     away = float(np.linalg.norm(pose.translation - thing.position))
     return Claim(
         "camera-at-object", "where the features are the desired ones, the camera is at the object: distance",
         Origin.TEXT, "section 5.4.2", (0.0,), "mm", 10.0, [Finding((1e3 * away,), chosen="L = 38 mm")],
         reason=f"an object of 38 mm that is 2 mm long in the image is f L/l_d = "
-        f"{1e3 * FOCAL * OBJECT_LENGTH / GOAL[2]:.0f} mm away; for L = 7.2 or 10 mm it would be 36 or 50 mm",
+        f"{1e3 * FOCAL * OBJECT_LENGTH / GOAL[2]:.0f} mm away; for L = 7.2 or 10 mm it would be 36 or 50 mm. Whatever "
+        f"f and L are, the camera ends l(0)/l_d = {START[2] / GOAL[2]:.0f} times as far from the object as it began: "
+        "by (5.1) it goes away from it. What does go to zero is the object's distance from the camera's axis",
     )  # fmt: skip
 
 

@@ -244,6 +244,8 @@ def _figure(gains: dict[float, float]) -> Figure:
         xlabel="C [N·m·s/rad]", ylabel="gain from f_e to ŷ [rad/s per N·m]",
         title="Remark 3.2.3: more injected damping, less of the disturbance",
     )  # fmt: skip
+    axes.set_xticks(list(gains), [f"{damping:g}" for damping in gains])
+    axes.set_xticks([], minor=True)
     axes.legend(fontsize=9)
     axes.grid(alpha=0.25, which="both")
     return figure

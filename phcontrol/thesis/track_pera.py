@@ -102,7 +102,7 @@ def _figure(logs: dict[str, Log], system: MechanicalSystem) -> Figure:
     lower.set(
         xlabel="t [s]", ylabel="largest joint error [rad]", title="continuous, held for 1 ms, made up for the hold"
     )
-    upper.legend(fontsize=8, ncols=4)
+    upper.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     lower.legend(fontsize=8)
     for axes in (upper, lower):
         axes.grid(alpha=0.25)

@@ -66,14 +66,14 @@ def test_a_claim_that_is_not_reproduced_must_say_why():
 
 
 def test_a_finding_may_rest_on_several_readings():
-    finding = Finding((1.0,), "E15", "R1, R7")
-    assert finding.readings == ("R1", "R7")
+    finding = Finding((1.0,), "E15", "R1, R8")
+    assert finding.readings == ("R1", "R8")
     assert finding.verdict is Verdict.READING
-    assert claim(finding).verdict_text == "under reading R1, R7, with correction E15"
+    assert claim(finding).verdict_text == "under reading R1, R8, with correction E15"
     with pytest.raises(UnknownNameError, match="unknown reading 'R99'"):
         Finding((1.0,), reading="R1, R99")
     entry = claim(finding).to_dict()
-    assert [Tally.under([entry], reading).reproduced for reading in ("R1", "R7", "R2")] == [1, 1, 0]
+    assert [Tally.under([entry], reading).reproduced for reading in ("R1", "R8", "R2")] == [1, 1, 0]
 
 
 def test_readings_are_those_that_are_listed():

@@ -8,7 +8,18 @@ from scipy.integrate import solve_ivp
 
 from phcontrol import MechanicalSystem, certify, load_robot
 from phcontrol.thesis.constant_mass_grasping import ConstantMassGrasping
-from phcontrol.thesis.grasping import START, STRETCHED, grasp, make_body, make_laws
+from phcontrol.thesis.grasping_runs import (
+    ALLOYS,
+    FORCE,
+    PLACE,
+    START,
+    STRETCHED,
+    grasp,
+    make_body,
+    make_laws,
+    pressed_at_last,
+    spring_at_a_stop,
+)
 from phcontrol.thesis.measures import touch_time
 
 MASS, FRICTION, STIFFNESS = 0.5, 0.1, 1.0  # m_g, d_g, K_p
@@ -19,7 +30,7 @@ def system():
     return MechanicalSystem(load_robot("pera_gripper"))
 
 
-def first_at(place, virtual, rest, damping, sign, start=0.0):
+def first_at(place, virtual, rest, damping, sign, start=0.0, end=5.0):
     """Return when (4.59) and (4.44), written out for one joint, bring it to a place."""
 
     def rate(t, x):
@@ -34,7 +45,7 @@ def first_at(place, virtual, rest, damping, sign, start=0.0):
         return x[0] - place
 
     there.terminal = True
-    found = solve_ivp(rate, (0.0, 5.0), (START, 0.0, start), events=there, rtol=1e-9, atol=1e-12)
+    found = solve_ivp(rate, (0.0, end), (START, 0.0, start), events=there, rtol=1e-9, atol=1e-12)
     return float(found.t_events[0][0]) if found.t_events[0].size else np.inf
 
 
@@ -59,6 +70,23 @@ def test_under_r2_a_rest_length_at_the_start_makes_it_touch(system, body, rest, 
     law = make_laws(system, body, "R2")["grasping"]
     log = grasp(law, make_body(body, "grasping"), duration=1.0, rest=STRETCHED)
     assert touch_time(log) == pytest.approx(first_at(0.20, 0.20, rest, damping, 1.0, STRETCHED), abs=2.1e-3)
+
+
+def test_at_a_stop_the_rest_length_dies_out_slowly():
+    """q̇ = 0 there: q̇_rl = −K_rl q_rl with K_rl = 0.5, so the spring comes to K_p · 0.20 long after contact."""
+    at_contact, in_the_end, from_then = spring_at_a_stop()
+    contact = first_at(PLACE, 0.0, 0.5, 3.0, 1.0)
+    assert PLACE - at_contact > 0.03
+    assert in_the_end == pytest.approx(FORCE, abs=1e-3)
+    expected = contact + 2.0 * np.log((PLACE - at_contact) / (0.05 * FORCE))
+    assert from_then == pytest.approx(expected, abs=0.15)  # it bounces a little at first
+
+
+def test_a_body_that_begins_where_it_answers_with_the_force_is_held_late():
+    touches, holds = pressed_at_last()
+    expected = first_at(PLACE + FORCE / ALLOYS[False][0], PLACE, 0.5, 3.0, 1.0, end=30.0)
+    assert touches == pytest.approx(expected, abs=0.01)
+    assert holds > touches + 5.0
 
 
 def test_with_the_force_reversed_the_arm_rests_at_half_the_spring(system):

@@ -9,7 +9,7 @@ from phcontrol import JointContact, MechanicalSystem, load_robot, simulate
 from phcontrol.thesis import appendix_a
 from phcontrol.thesis.exact import EXACT, exact, largest_real_part, negative, off, positive, rate, slope
 from phcontrol.thesis.finding import Finding
-from phcontrol.thesis.grasping import make_laws
+from phcontrol.thesis.grasping_runs import make_laws
 from phcontrol.thesis.printed_coupling import PrintedCoupling
 from phcontrol.thesis.verdict import Verdict
 

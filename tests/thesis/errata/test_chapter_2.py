@@ -179,6 +179,6 @@ def test_e31_passivity_needs_less_than_2_30():
         assert grown - (v + q) * u <= 1e-9  # passive
         printed = -0.5 * 0.1 * q**2  # ∂(H + U)ᵀ[…] of (2.30): by (2.25) all but −∂H̄/∂t cancels
         assert printed < 0.0  # so it is called not passive
-        corrected = stiffness(t) * q**2 + d * (v + q) ** 2 + printed  # with ∂H̄ᵀ(R̄)∂H̄ beside
+        corrected = stiffness(t) * q**2 + d * (v + q) ** 2 + printed  # with ∂H̄ᵀR̄∂H̄ beside: S = −R in (2.30)
         assert corrected >= 0.0
         assert grown - (v + q) * u == pytest.approx(-corrected, abs=1e-6)

@@ -140,6 +140,11 @@ def test_e12_only_the_measured_force_shifts_the_rest():
     assert min(np.abs(rest_rate(GOAL + shift, z, False)[3:]).max() for z in drawn) > 0.5  # ż = −YᵀT⁻¹f_e, for all z
     assert np.abs(rest_rate(GOAL + shift, np.zeros(3), measured=True)).max() < 1e-10
     assert np.abs(rest_rate(GOAL, z, measured=True)).max() > 0.5
+    # (3.36) of the measured law: f_e acts in the rate of z as well, and 𝒦 is constant, so that q is the Casimir
+    for x, _ in states(arm(), 0):
+        pushed = np.linalg.inv(x.factor)
+        K = -np.linalg.solve(matrices(x), np.vstack([np.zeros((3, 3)), pushed, Y.T @ pushed]))
+        np.testing.assert_allclose(K, np.vstack([np.eye(3), np.zeros((6, 3))]), atol=1e-9)
 
 
 def test_e29_the_sign_of_the_gradient_of_the_casimirs():

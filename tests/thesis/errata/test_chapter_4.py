@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from phcontrol import ForceControl, MechanicalSystem, StribeckFriction, force_control_conditions, load_robot
+from phcontrol import (
+    ForceControl,
+    MechanicalSystem,
+    StribeckFriction,
+    force_control_conditions,
+    load_robot,
+    virtual_position,
+)
 from tests.finite_differences import gradient
 from tests.thesis.errata.loop import EXACT, FORCE, GOAL, along, arm, mismatch, states
 from tests.thesis.errata.test_chapter_3 import K_Z, WRONG, A, C, Y, bar, hat, matrices
@@ -80,7 +87,7 @@ def test_e23_the_desired_force_is_fed_forward():
 
 
 def test_e25_the_conditions_of_the_proof():
-    """(4.13) to (4.15), (4.34): κ₁ for κ₂, bounds upside down: ε that they allow make H_ε indefinite, or grow."""
+    """(4.13) to (4.15), (4.32), (4.34): κ₁ for κ₂, ε on the wrong side: those allowed make H_ε indefinite, or grow."""
     system = MechanicalSystem(load_robot("pera_gripper"), friction=StribeckFriction(viscous=0.1))
     law = ForceControl(system, force=[3.5], damping=5.0, coupling=1.0, force_gain=1.0)
     found = force_control_conditions(law, system)
@@ -96,6 +103,18 @@ def test_e25_the_conditions_of_the_proof():
     assert allowed > 0.9
     assert greatest_rate(0.9 * allowed) > 0.0  # grows
     assert greatest_rate(0.999 * found.decreasing) < 0.0 < greatest_rate(1.001 * found.decreasing)
+    # (4.31): Q₁ asks ε to be above what (4.32) says it must be below; both of it and Q₂ turn at 1; friction decides
+    d, c = 0.1 / 0.5, 5.0 / 0.5
+
+    def parts(epsilon):
+        first = np.array([[d, d / epsilon], [d / epsilon, d]])
+        second = np.array([[(d + c) / epsilon, d], [d + c, d / epsilon]])
+        return [np.linalg.eigvalsh(0.5 * (Q + Q.T))[0] for Q in (first, second, first + second)]
+
+    assert allowed == pytest.approx(1.0)
+    assert parts(1.01)[0] > 0.0 > parts(0.99)[0]
+    assert found.decreasing == pytest.approx(np.sqrt(4.0 * d / (4.0 * d + c)), rel=1e-9)
+    assert parts(0.999 * found.decreasing)[2] > 0.0 > parts(1.001 * found.decreasing)[2]
     # (4.13): H_ε > 0 with ε below 1/sqrt(κ₂), not 1/sqrt(κ₁)
     gains = np.diag([0.5, 4.0])
 
@@ -104,6 +123,25 @@ def test_e25_the_conditions_of_the_proof():
 
     assert smallest(0.99 / np.sqrt(4.0)) > 0.0
     assert smallest(0.99 / np.sqrt(0.5)) < 0.0
+
+
+def test_e43_a_force_in_space_acts_where_the_arm_is_held():
+    """(4.40): with 𝒥 of q_f, the spring to q_f does not press with F_d where it is held, by virtual work."""
+    system, wanted, stiff = arm(), np.array([1.0, -2.0, 3.0]), 20.0
+
+    def place(q):
+        return np.array(system.at(q).placement("tool").translation)
+
+    lever = gradient(place, GOAL)
+    corrected = GOAL + lever @ wanted / stiff
+    printed = corrected
+    for _ in range(100):  # K_p(q_f − q_c) = 𝒥(q_f)ᵀF_d
+        printed = GOAL + gradient(place, printed) @ wanted / stiff
+    np.testing.assert_allclose(stiff * (printed - GOAL), gradient(place, printed) @ wanted, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.solve(lever, stiff * (corrected - GOAL)), wanted, rtol=1e-9)
+    assert np.abs(np.linalg.solve(lever, stiff * (printed - GOAL)) - wanted).max() > 0.01
+    found = virtual_position(system, "tool", wanted, stiff, contact=GOAL)
+    np.testing.assert_allclose(found.position, corrected, atol=1e-9)
 
 
 def grasp_hat(x, rest):
