@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phcontrol._validation import Array
 from phcontrol._version import __version__
 from phcontrol.compilation.errors import CompilationWarning
-from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.outcome import Outcome
 from phcontrol.simulation.simulate_many import simulate_many
 from phcontrol.sweeps.engine import EngineError
-from phcontrol.sweeps.measure import evaluate
+from phcontrol.sweeps.measure import evaluate, of_loops, text_of
 from phcontrol.sweeps.scenarios import Scenarios
 
 _MADE = threading.local()  # an arm serves one thread
@@ -59,7 +59,7 @@ def run_chunk(chunk: Chunk) -> dict[str, Any]:
         )
     scenarios = _scenarios(chunk)
     numbers = scenarios.space.rows(chunk.first, chunk.last)
-    rows = rows_of(scenarios, range(chunk.first, chunk.last), chunk.compiled)
+    rows = rows_of(scenarios, chunk.first, numbers, chunk.compiled)
     columns: dict[str, Any] = {"run": np.arange(chunk.first, chunk.last)}
     columns |= dict(zip(scenarios.space.names, numbers.T, strict=True))
     columns |= {name: np.array([row.measures.get(name, math.nan) for row in rows]) for name in scenarios.measures}
@@ -80,20 +80,20 @@ def _scenarios(chunk: Chunk) -> Scenarios:
     return made
 
 
-def rows_of(scenarios: Scenarios, runs: range, compiled: bool) -> list[Row]:
-    """Do some runs, those together that differ in no more than ``simulate_many`` takes for each."""
+def rows_of(scenarios: Scenarios, first: int, numbers: Array, compiled: bool) -> list[Row]:
+    """Do the runs from one on that have these numbers, those together for which ``simulate_many`` takes them."""
     found: dict[int, Row] = {}
     alike: dict[Any, dict[int, dict[str, Any]]] = {}
-    for run in runs:
+    runs = range(first, first + len(numbers))
+    for run, row in zip(runs, numbers, strict=True):
         try:
-            arguments = scenarios.loop(run)
+            arguments = scenarios.loop_of(run, scenarios.named(row))
         except Exception as error:
-            found[run] = Row({}, _text(error), False)
+            found[run] = Row({}, text_of(error), False)
             continue
         alike.setdefault(arguments["control_period"], {})[run] = arguments
     for together in alike.values():
-        for run, row in _simulated(scenarios, together, compiled):
-            found[run] = row
+        found |= dict(_simulated(scenarios, together, compiled))
     return [found[run] for run in runs]
 
 
@@ -115,7 +115,7 @@ def _simulated(scenarios: Scenarios, loops: dict[int, dict[str, Any]], compiled:
             outcomes = simulate_many(**common, **varied, measure=measured, workers=1, progress=False, compiled=compiled)
     except Exception as error:
         if len(loops) == 1:
-            yield next(iter(loops)), Row({}, _text(error), False)
+            yield next(iter(loops)), Row({}, text_of(error), False)
             return
         for run, loop in loops.items():
             yield from _simulated(scenarios, {run: loop}, compiled)
@@ -127,18 +127,7 @@ def _simulated(scenarios: Scenarios, loops: dict[int, dict[str, Any]], compiled:
 def _row(scenarios: Scenarios, loop: dict[str, Any], outcome: Outcome) -> Row:
     if outcome.error:
         return Row({}, outcome.error, outcome.compiled)
-    found: dict[str, float | str] = dict(outcome.value)
-    for name, measure in scenarios.measures.items():
-        if measure.of_loop is not None:
-            try:
-                found[name] = float(measure.of_loop(loop["controller"], loop["system"]))
-            except Exception as error:
-                found[name] = _text(error)
+    found: dict[str, float | str] = outcome.value | of_loops(scenarios.measures, loop)
     problems = [f"{name}: {value}" for name, value in found.items() if isinstance(value, str)]
     numbers = {name: value for name, value in found.items() if not isinstance(value, str)}
     return Row(numbers, "; ".join(problems), outcome.compiled)
-
-
-def _text(error: Exception) -> str:
-    known = isinstance(error, InvalidArgumentError)
-    return str(error) if known else f"{type(error).__name__}: {error}"

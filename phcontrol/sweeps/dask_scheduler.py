@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from types import TracebackType
 from typing import Any
 
 from phcontrol._version import __version__
@@ -101,3 +102,11 @@ class DaskScheduler:
     def close(self) -> None:
         """Leave the scheduler."""
         self._client.close()
+
+    def __enter__(self) -> DaskScheduler:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -218,6 +218,32 @@ def check_measures(measures: Mapping[str, Measure], nominal: Nominal) -> None:
             raise InvalidArgumentError("measures", f"{name} is of a posture, but {nominal.law.name} goes to none")
 
 
+def all_of(
+    measures: Mapping[str, Measure], log: Log, nominal: Nominal, loop: Mapping[str, Any]
+) -> dict[str, float | str]:
+    """Return each measure of a run: of its log, and of its law and plant (``Nominal.arguments``)."""
+    found = evaluate(measures, log, nominal.robot, nominal.goal) | of_loops(measures, loop)
+    return {name: found[name] for name in measures}
+
+
+def of_loops(measures: Mapping[str, Measure], loop: Mapping[str, Any]) -> dict[str, float | str]:
+    """Return the measures that are of law and plant."""
+    found: dict[str, float | str] = {}
+    for name, measure in measures.items():
+        if measure.of_loop is not None:
+            try:
+                found[name] = float(measure.of_loop(loop["controller"], loop["system"]))
+            except Exception as error:
+                found[name] = text_of(error)
+    return found
+
+
+def text_of(error: Exception) -> str:
+    """Return an error as a row of the results has it."""
+    known = isinstance(error, PHControlError)
+    return str(error) if known else f"{type(error).__name__}: {error}"
+
+
 def evaluate(measures: Mapping[str, Measure], log: Log, robot: Robot, goal: Array | None) -> dict[str, float | str]:
     """Return each measure of a log; the text of what it raised, where it did."""
     found: dict[str, float | str] = {}
@@ -228,8 +254,5 @@ def evaluate(measures: Mapping[str, Measure], log: Log, robot: Robot, goal: Arra
         try:
             found[name] = float(measure.of_log(log, robot, posture))
         except Exception as error:  # a user's function, or a log that is too wild
-            if isinstance(error, PHControlError):
-                found[name] = str(error)
-            else:
-                found[name] = f"{type(error).__name__}: {error}"
+            found[name] = text_of(error)
     return found

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import count, number
+from phcontrol._validation import Array, count, number
 from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.simulation.log import Log
 from phcontrol.sweeps.distribution import KINDS, Distribution
-from phcontrol.sweeps.measure import Measure, check_measures, measures_of, record_of
+from phcontrol.sweeps.measure import Measure, all_of, check_measures, measures_of, record_of
 from phcontrol.sweeps.nominal import SECTIONS, Nominal
 from phcontrol.sweeps.space import Space
 from phcontrol.sweeps.variable import expanded, variable_of
@@ -84,11 +84,23 @@ class Scenarios:
     def scenario(self, run: int) -> dict[str, float]:
         """Return what a run has of the quantities that vary, by name."""
         place = self._place(run)
-        return dict(zip(self.space.names, map(float, self.space.rows(place, place + 1)[0]), strict=True))
+        return self.named(self.space.rows(place, place + 1)[0])
+
+    def named(self, row: Array) -> dict[str, float]:
+        """Return the numbers of a run by the names of what they are."""
+        return dict(zip(self.space.names, map(float, row), strict=True))
 
     def loop(self, run: int) -> dict[str, Any]:
         """Return a run as the arguments of :func:`simulate`."""
-        return self.nominal.arguments(self.scenario(run), self.space.noise_seed(self._place(run)))
+        return self.loop_of(self._place(run), self.scenario(run))
+
+    def loop_of(self, run: int, scenario: Mapping[str, float]) -> dict[str, Any]:
+        """Return that of a run whose scenario is known."""
+        return self.nominal.arguments(scenario, self.space.noise_seed(run))
+
+    def measured(self, log: Log, run: int) -> dict[str, float | str]:
+        """Return what is measured of a run, of its log; the text of what a measure raised."""
+        return all_of(self.measures, log, self.nominal, self.loop(run))
 
     @property
     def columns(self) -> dict[str, str]:

@@ -105,6 +105,20 @@ class SweepResults:
             return f"{found.good} of {found.runs} {kept}; they were chosen, not drawn: that says nothing of others"
         return found.text(f"of the arms drawn {kept}")
 
+    def summary(self, confidence: float = 0.95) -> str:
+        """Return what there is, what it supports, and quantiles, in a few lines."""
+        sweep, failed = self.manifest["sweep"], int(self.failed.sum())
+        head = f"{len(self)} of {sweep['runs']} runs, {failed} failed, {int(self.column('compiled').sum())} compiled"
+        lines = [head, self.sentence(confidence), f"{'':<24}{'median':>12}{'90 %':>12}{'99 %':>12}{'largest':>12}"]
+        for name in self.measures:
+            unit = self.manifest["columns"][name]
+            shown = "".join(f"{value:>12.4g}" for value in self.quantiles(name))
+            lines.append(f"{name + (f' [{unit}]' if unit else ''):<24}{shown}")
+        if failed:
+            lines.append(f"the first that failed: run {self.column('run')[self.failed][0]}: "
+                         f"{self.column('error')[self.failed][0]}")  # fmt: skip
+        return "\n".join(lines)
+
     def quantiles(self, measure: str, parts: tuple[float, ...] = (0.5, 0.9, 0.99, 1.0)) -> Array:
         """Return quantiles of a measure over the runs that did not fail, shape (parts,); not a number without any."""
         values = self.column(choice("measure", measure, self.measures))[~self.failed]
