@@ -14,7 +14,7 @@ def sweep_report(
         str, typer.Option(help="What the commands that replay runs call the sweep's file.", metavar="SPEC.toml")
     ] = "SPEC.toml",
     measure: Annotated[
-        str | None, typer.Option(help="What the maps show. Default: the first that is required, or measured.")
+        str | None, typer.Option(help="What the maps show. Default: the required one that the fewest runs keep.")
     ] = None,
     confidence: Annotated[float, typer.Option(help="Of what is said about all that could be drawn.")] = 0.95,
 ) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from phcontrol._files import write_text
 from phcontrol._validation import choice
-from phcontrol.sweeps.report_figures import maps_figure, quantiles_figure
+from phcontrol.sweeps.report_figures import SHOWN, influence, maps_figure, quantiles_figure
 from phcontrol.sweeps.sweep_results import SweepResults
 from phcontrol.visualization.plots import save_figure
 
@@ -29,17 +29,23 @@ def write_report(
     Args:
         results: of the sweep.
         spec: what the commands that replay runs call its file.
-        measure: what the maps show; by default the first that is required, or measured.
+        measure: what the maps show; by default the required one that the fewest runs keep, or the first.
         confidence: of what is said about all that could be drawn.
     """
-    required = list(results.manifest["sweep"]["require"])
-    shown = choice("measure", measure, results.measures) if measure else (required or results.measures)[0]
+    shown = choice("measure", measure, results.measures) if measure else _tightest(results)
     folder = results.folder
     return [
         save_figure(maps_figure(results, shown), folder / MAPS),
         save_figure(quantiles_figure(results), folder / QUANTILES),
         write_text(folder / PAGE, _page(results, spec, shown, confidence)),
     ]
+
+
+def _tightest(results: SweepResults) -> str:
+    """Return the required measure that the fewest runs keep; the first one where nothing is required."""
+    require = results.manifest["sweep"]["require"]
+    kept = {name: int((results.column(name) <= float(limit)).sum()) for name, limit in require.items()}
+    return min(kept, key=lambda name: kept[name]) if kept else results.measures[0]
 
 
 def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> str:
@@ -68,8 +74,8 @@ def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> 
             *_quantiles(results),
             f'<img src="{QUANTILES}" alt="distributions of the measures">',
             f"<h2>Where {escape(measure)} is large</h2>",
-            "<p>Of the quantities that go with it most (by rank), in pairs: the largest value among the runs in each "
-            "field; fields without a run are left empty.</p>",
+            f"<p>Of the quantities that explain most of it by themselves ({_influences(results, measure)}), in pairs: "
+            "the largest value among the runs in each field; fields without a run are left empty.</p>",
             f'<img src="{MAPS}" alt="maps over pairs of quantities">',
             "<h2>The worst runs</h2>",
             *_worst(results, spec),
@@ -81,6 +87,11 @@ def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> 
             "</main>\n</body>\n</html>\n",
         ]
     )
+
+
+def _influences(results: SweepResults, measure: str) -> str:
+    strongest = list(influence(results, measure).items())[:SHOWN]
+    return ", ".join(f"{escape(name)} {100.0 * part:.0f} %" for name, part in strongest)
 
 
 def _quantiles(results: SweepResults) -> Iterator[str]:
@@ -143,6 +154,8 @@ def _drawn(results: SweepResults) -> Iterator[str]:
     yield '<div class="wide"><table><tr><th>quantity</th><th>unit</th><th>least</th><th>mean</th><th>largest</th></tr>'
     for name in results.parameters:
         values = results.column(name)
-        numbers = "".join(f"<td>{value:.4g}</td>" for value in (values.min(), values.mean(), values.max()))
+        mean = float(values.mean())
+        mean = 0.0 if abs(mean) < 1e-6 * float(np.abs(values).max()) else mean
+        numbers = "".join(f"<td>{value:.4g}</td>" for value in (values.min(), mean, values.max()))
         yield f"<tr><td>{escape(name)}</td><td>{escape(columns[name])}</td>{numbers}</tr>"
     yield "</table></div>"

@@ -103,7 +103,10 @@ class SweepResults:
         found = self.statement(confidence)
         if sweep["sampling"].get("method", "random") not in INDEPENDENT:
             return f"{found.good} of {found.runs} {kept}; they were chosen, not drawn: that says nothing of others"
-        return found.text(f"of the arms drawn {kept}")
+        even = {"latin_hypercube": "a Latin hypercube", "sobol": "a Sobol sequence"}
+        method = sweep["sampling"].get("method", "random")
+        caution = f"; exact for independent draws, for {even[method]} not proved" if method in even else ""
+        return found.text(f"of the arms drawn {kept}") + caution
 
     def summary(self, confidence: float = 0.95) -> str:
         """Return what there is, what it supports, and quantiles, in a few lines."""
