@@ -132,6 +132,12 @@ from .simulation.outcome import Outcome
 from .simulation.power_balance import PowerBalance
 from .simulation.simulate_many import simulate_many
 from .simulation.simulation_error import SimulationError, SimulationInterrupted
+from .sweeps.dask_scheduler import DaskScheduler
+from .sweeps.engine import Engine, EngineError
+from .sweeps.local_processes import LocalProcesses
+from .sweeps.statement import Statement
+from .sweeps.sweep import Sweep
+from .sweeps.sweep_results import SweepResults
 from .tanks.action import Action
 from .tanks.energy_tank import EnergyTank
 from .tanks.external_action import ExternalAction
@@ -202,11 +208,14 @@ __all__ = [
     "ControlLoop",
     "Controller",
     "CubicSpline",
+    "DaskScheduler",
     "DataFileError",
     "DeclaredFriction",
     "Disturbance",
     "EnergyShaping",
     "EnergyTank",
+    "Engine",
+    "EngineError",
     "Equilibrium",
     "Event",
     "EventSchedule",
@@ -255,6 +264,7 @@ __all__ = [
     "LiveTrajectory",
     "LiveValue",
     "LiveView",
+    "LocalProcesses",
     "Log",
     "LogPlots",
     "LoopCamera",
@@ -337,11 +347,14 @@ __all__ = [
     "Sinusoid",
     "SlowedPath",
     "SphereContact",
+    "Statement",
     "Step",
     "Stiffness",
     "StopVelocity",
     "StorageCondition",
     "StribeckFriction",
+    "Sweep",
+    "SweepResults",
     "Switch",
     "TankedLaw",
     "Target",

@@ -13,7 +13,7 @@ PACKAGE = Path(phcontrol.__file__).parent
 LAYERS = (
     "mechanics", "potentials", "vision", "trajectories", "setpoints", "environments", "sensors", "tanks",
     "controllers", "compilation", "safety", "simulation", "runtime", "analysis", "identification", "visualization",
-    "runs", "thesis", "cli",
+    "sweeps", "runs", "thesis", "cli",
 )  # fmt: skip
 """The folders; each imports from itself and from those before it."""
 

@@ -34,6 +34,13 @@ class Commands(LazyGroup):
             "phcontrol.cli.reproduce:reproduce_command",
             "Reproduce the thesis: every study and certificate, into one page.",
         ),
+        "sweep": Listed(
+            "phcontrol.cli.sweep:sweep", "Run what a file describes many times: arms, loads and delays that are drawn."
+        ),
+        "sweep-report": Listed(
+            "phcontrol.cli.sweep_report:sweep_report",
+            "Make a page of a sweep's results: what they support, quantiles, maps, the worst runs.",
+        ),
         "robots": Listed(
             "phcontrol.cli.robots:robots",
             "List the robots that can be named; a path to a URDF, MJCF or xacro file works too.",

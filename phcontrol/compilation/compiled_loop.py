@@ -30,6 +30,7 @@ from phcontrol.compilation.trace import trace_law
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.momentum_observer import MomentumObserver
 
 METHODS = ("semi_implicit_euler", "rk4", "implicit_midpoint", "discrete_gradient")
@@ -56,7 +57,8 @@ class Arrangement(NamedTuple):
     bodies: tuple[Body, ...] = ()
     traced: tuple[tuple[float, Any], ...] = ()
     """Factors and functions f_e(t, x) that are no table of signals."""
-    observer: MomentumObserver | None = None
+    observer: MomentumObserver | ForceSensor | None = None
+    """What shows the law f_e. Of a force sensor all numbers are inputs (``felt_by``)."""
     implicit: bool = False
     """Whether implicit integrators are to run."""
     varied: Bodies = NO_BODIES
@@ -70,8 +72,11 @@ class Arrangement(NamedTuple):
         found = [structure_of(law, varied), same, varied, self.implicit, len(self.bodies), len(self.traced)]
         found.append(None if same else system_structure(self.plant, varied))
         found += structure_of_things((self.bodies, self.traced))
-        if self.observer is not None:
-            found += [structure_of_things(self.observer), system_structure(self.observer.system, varied)]
+        if isinstance(self.observer, MomentumObserver):
+            found += [structure_of_things(self.observer), self.observer.period]  # a block has one period for all
+            found.append(system_structure(self.observer.system, varied))
+        elif self.observer is not None:
+            found.append("force sensor")
         return found
 
 
@@ -106,7 +111,7 @@ class CompiledLoop:
         if arrangement.bodies or arrangement.traced:
             one, around = surroundings_part(plant, arrangement.bodies, arrangement.traced, span)
             self._parts.append(one)
-        if observer is not None:
+        if isinstance(observer, MomentumObserver):
             own, watched = observer_parts(observer, plant, varied)
             self._parts += own
         starts = np.cumsum([0, *sizes, around.size, watched.size])
@@ -123,7 +128,8 @@ class CompiledLoop:
             "has_implicit": int(arrangement.implicit), "measured_room": max(1, place), "measure": "\n  ".join(measure),
         }  # fmt: skip
         self._text = loop_texts.HEAD.format(**facts)
-        self._text += loop_texts.SENSE if observer is not None else ""
+        if observer is not None:
+            self._text += loop_texts.SENSE if isinstance(observer, MomentumObserver) else loop_texts.FEEL
         self._text += loop_texts.IMPLICIT if arrangement.implicit else ""
         self._text += loop_texts.RUN.format(**facts)
         self._libraries: dict[bool, Any] = {}
@@ -168,6 +174,8 @@ class Block:
         """Forces that are constant, shape (n, lanes) [N·m]."""
         self._signals: list[Array] = []
         self._tables: Any = None
+        self._felt: list[Array] = []
+        self._sensed: Any = None
         self._carry = room(loop.carry, lanes=lanes)
         self.status: Any = np.zeros(lanes, dtype=np.int64)
         """DONE for a run that goes on, or what it ended by, shape (lanes,)."""
@@ -180,6 +188,11 @@ class Block:
         pointers: list[Any] = [table.ctypes.data_as(_VECTOR) if table.size else None for table in self._signals]
         pointers += [None] * (self.lanes - len(pointers))
         self._tables = (_VECTOR * self.lanes)(*pointers) if any(table.size for table in self._signals) else None
+
+    def set_felt(self, rows: Sequence[Array]) -> None:
+        """Set the force sensors, a row for each lane (``felt_by``). A run writes into them."""
+        self._felt = [np.array(row) for row in rows]
+        self._sensed = (_VECTOR * self.lanes)(*(row.ctypes.data_as(_VECTOR) for row in self._felt))
 
     def field(self, t: float, y: Array) -> tuple[Array, Array, Array]:
         """Return ẏ, torque and force at states y, shapes (…, lanes); ``status`` says where they are any."""
@@ -202,7 +215,7 @@ class Block:
         self._library.phcontrol_run(
             first, last, plan.steps, plan.dt, plan.stride, plan.period, plan.due, METHODS.index(plan.method),
             *(_pointer(array) for array in (self._numbers, self.limit, self.steady)), self._tables,
-            _pointer(self._carry), *(_pointer(array) for array in arrays),
+            self._sensed, _pointer(self._carry), *(_pointer(array) for array in arrays),
             *(array.ctypes.data_as(_INTEGERS) for array in (self.status, self.reached)),
         )  # fmt: skip
 
@@ -259,7 +272,8 @@ def _loaded(library: Path) -> Any:
     count, number = ctypes.c_long, ctypes.c_double
     run.restype = field.restype = None
     run.argtypes = [
-        count, count, count, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, *[_VECTOR] * 5,
+        count, count, count, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, _SIGNALS,
+        *[_VECTOR] * 5,
         _INTEGERS, _INTEGERS,
     ]  # fmt: skip
     field.argtypes = [number, *[_VECTOR] * 4, _SIGNALS, *[_VECTOR] * 3, _INTEGERS]
@@ -279,6 +293,6 @@ def numbers_of_arrangement(arrangement: Arrangement) -> Array:
     varied, observer = arrangement.varied, arrangement.observer
     found = [law_numbers(arrangement.law, varied), system_numbers(arrangement.plant, varied)]
     found.append(numbers_of((arrangement.bodies, arrangement.traced)))
-    if observer is not None:
+    if isinstance(observer, MomentumObserver):
         found += [numbers_of(observer), system_numbers(observer.system, varied)]
     return np.concatenate(found)

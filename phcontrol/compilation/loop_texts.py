@@ -21,6 +21,7 @@ typedef struct {{
   const real *limit;               /* of torques */
   const real *steady;              /* the force that is constant */
   const double *const *signals;    /* of each lane, forces over time; NULL for none */
+  double *const *felt;             /* of each lane, the force sensor: see FEEL; NULL for none */
   real *held, *shown;
   mask alive, uncovered, infinite, stuck;
 }} run;
@@ -138,6 +139,32 @@ static void sense(run *c, long k, double t, const real *y, int sampled, long due
     }
   }
   for (int i = 0; i < N; i++) kept[i] = own[1 + 2 * N + i];
+}
+"""
+
+FEEL = """
+/* The force sensor of each lane at sample k. Its row: samples between two updates, updates until one is shown,
+   whether there is noise, bias, largest magnitude, the updates that are on their way, noise of each update. */
+static void sense(run *c, long k, double t, const real *y, int sampled, long due, real *kept) {
+  real f[N], rate[S + B + 1];
+  surroundings(c, t, y, f, rate + S);
+  for (int lane = 0; lane < LANES; lane++) {
+    double *row = c->felt[lane];
+    const long every = (long)row[0], late = (long)row[1], update = k / every;
+    const double *bias = row + 3, *most = bias + N;
+    double *way = row + 3 + 2 * N, *now = way + update % (late + 1) * N;
+    const double *noise = way + (late + 1) * N + update * N;
+    if (k % every) continue;
+    for (int i = 0; i < N; i++) {
+      double value = AT(f[i], lane) + bias[i];
+      if (row[2] != 0.0) value += noise[i];
+      now[i] = value < -most[i] ? -most[i] : value > most[i] ? most[i] : value;
+    }
+    if (update < late) continue;
+    const double *shown = way + (update - late) % (late + 1) * N;
+    for (int i = 0; i < N; i++) AT(kept[i], lane) = shown[i];
+  }
+  (void)sampled; (void)due;
 }
 """
 
@@ -272,7 +299,7 @@ static void step(run *c, int method, double t, const real *y, double dt, int sam
 /* One instant: what a run would find there. */
 void phcontrol_field(double t, const real *y, const real *p, const real *limit, const real *steady,
                      const double *const *signals, real *u, real *f, real *dy, long long *status) {{
-  run c = {{p, limit, steady, signals, NULL, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+  run c = {{p, limit, steady, signals, NULL, NULL, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
   real shown[N + 1];
   for (int i = 0; i < N; i++) shown[i] = SAME(0.0);
   c.shown = shown;
@@ -285,10 +312,10 @@ void phcontrol_field(double t, const real *y, const real *p, const real *limit, 
    is made for the sample after last. stride: of a sampled law; 0 for a continuous one. due: of the sensor.
    A lane whose status is not 0 has ended, at the sample that it has reached. */
 void phcontrol_run(long first, long last, long steps, double dt, long stride, double period, long due, int method,
-                   const real *p, const real *limit, const real *steady, const double *const *signals, real *carry,
-                   real *states, real *torques, real *external, real *readings, long long *status,
-                   long long *reached) {{
-  run c = {{p, limit, steady, signals, carry, carry + HELD, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+                   const real *p, const real *limit, const real *steady, const double *const *signals,
+                   double *const *felt, real *carry, real *states, real *torques, real *external, real *readings,
+                   long long *status, long long *reached) {{
+  run c = {{p, limit, steady, signals, felt, carry, carry + HELD, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
   const int sampled = stride > 0;
   real a[Y], rate[S + B + 1];
   for (int lane = 0; lane < LANES; lane++) AT(c.alive, lane) = status[lane] ? 0 : -1;

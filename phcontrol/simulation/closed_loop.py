@@ -83,7 +83,8 @@ def simulate(
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
         compiled: simulate in C (:func:`compile_law` says what that takes): plant, law, integration and log in one loop.
-            What is not compiled (scenes, filters, setpoints, sensors but a momentum observer, bodies but planes,
+            What is not compiled (scenes, filters, setpoints, sensors but a momentum observer or a force
+            sensor at the joints, bodies but planes,
             spheres and joints) is simulated interpreted, and a CompilationWarning says so.
 
     Raises:

@@ -14,9 +14,10 @@ from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casa
 from phcontrol.compilation.compiler import Compiler, find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals, signals_of
+from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
-from phcontrol.sensors.sensor import Sensor
+from phcontrol.simulation.felt import felt_by, is_felt
 from phcontrol.simulation.instruments import due_of
 from phcontrol.simulation.run import Run
 from phcontrol.simulation.vector_field import ClosedLoop, Held
@@ -39,7 +40,9 @@ class Prepared(NamedTuple):
     signals: Signals
 
 
-def arranged(loop: ClosedLoop, observer: MomentumObserver | None, implicit: bool) -> tuple[Arrangement, Signals]:
+def arranged(
+    loop: ClosedLoop, observer: MomentumObserver | ForceSensor | None, implicit: bool
+) -> tuple[Arrangement, Signals]:
     """Return what a closed loop is for the compiler, and its disturbance. Raises CompilationError."""
     from phcontrol.compilation.compiled_loop import Arrangement
 
@@ -60,11 +63,12 @@ def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
     return f"{', '.join(present)}: not compiled yet" if present else ""
 
 
-def observer_among(sensors: Sequence[Sensor] | None) -> tuple[MomentumObserver | None, bool]:
-    """Return the momentum observer that is the only sensor, and whether there is anything else."""
+def observer_among(run: Run) -> tuple[MomentumObserver | ForceSensor | None, bool]:
+    """Return the sensor of f_e that is the only one and is compiled, and whether there is anything else."""
+    sensors = run.sensors
     if not sensors:
         return None, sensors is not None
-    if len(sensors) == 1 and type(sensors[0]) is MomentumObserver:
+    if len(sensors) == 1 and (type(sensors[0]) is MomentumObserver or is_felt(sensors[0], run.loop.n)):
         return sensors[0], False
     return None, True
 
@@ -85,7 +89,7 @@ def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
         run: what is simulated.
         others: what else was asked for, by name; what is not None is not compiled.
     """
-    observer, more = observer_among(run.sensors)
+    observer, more = observer_among(run)
     problem = obstacles(run.loop, others | {"sensors": True if more else None})
     try:
         if problem:
@@ -193,8 +197,11 @@ def difference_at(loop: ClosedLoop, observed: bool, t: float, y: Array, found: t
     return worst
 
 
-def set_up(block: Block, loops: Sequence[ClosedLoop], signals: Sequence[Signals]) -> None:
-    """Give the runs of a block their torque limits and disturbances."""
+def set_up(block: Block, loops: Sequence[ClosedLoop], signals: Sequence[Signals], runs: Sequence[Run] = ()) -> None:
+    """Give the runs of a block their torque limits and disturbances, and those that go on their force sensors."""
+    rows = [felt_by(run.sensors[0], run.loop.n, run.steps, run.dt) for run in runs if run.sensors]
+    if any(row is not None for row in rows):
+        block.set_felt([row for row in rows if row is not None])
     for lane, (loop, disturbance) in enumerate(zip(loops, signals, strict=True)):
         block.limit[:, lane] = np.inf if loop.torque_limit is None else loop.torque_limit
         block.steady[:, lane] = disturbance.steady
@@ -231,7 +238,7 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
 
     chunk = min(5000, plan.steps + 1)
     block = found.loop.block([found.numbers], lanes=False)
-    set_up(block, [run.loop], [found.signals])
+    set_up(block, [run.loop], [found.signals], [run])
     record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors))
     record.states[0, :, 0] = run.start
     last = np.abs(run.start).max(initial=0.0)

@@ -18,6 +18,7 @@ from phcontrol.compilation.compiler import Compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals
 from phcontrol.exceptions import PHControlError
+from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.compiled_run import (
     DIVERGED,
@@ -178,7 +179,7 @@ class ManyRuns:
             run = self._run(index, bar)
             if run is None:
                 continue
-            observer, more = observer_among(run.sensors)
+            observer, more = observer_among(run)
             problem = obstacles(run.loop, {"sensors": True if more else None})
             if problem:
                 left += self._not_compiled(problem, [index])
@@ -206,10 +207,12 @@ class ManyRuns:
     def _key(self, index: int) -> Any:
         """Return what tells runs of one arrangement from others; things are alive, so that their ids are theirs."""
         found = self._arguments(index)
-        bodies, disturbance = found["bodies"], found["disturbance"]
+        bodies, disturbance, sensors = found["bodies"], found["disturbance"], found["sensors"]
         things = (found["system"], found["controller"], *(bodies if isinstance(bodies, (list, tuple)) else [bodies]))
         function = id(disturbance) if callable(disturbance) else None
-        return (*(id(thing) for thing in things), function)
+        # of force sensors all numbers are inputs, and held against nothing
+        shown = tuple(type(one) if type(one) is ForceSensor else id(one) for one in sensors or ())
+        return (*(id(thing) for thing in things), function, shown)
 
     def _run_group(self, group: _Group, compiler: Compiler, bar: Any) -> list[int]:
         """Simulate runs of one structure; return those that must be simulated interpreted after all."""
@@ -245,7 +248,10 @@ class ManyRuns:
             run = self._run(index, bar)
             if run is None:
                 continue
-            observer, _ = observer_among(run.sensors)
+            observer, more = observer_among(run)
+            if more:  # of the others' kind, but with numbers that do not fit
+                left += self._not_compiled(obstacles(run.loop, {"sensors": True}), [index])
+                continue
             try:
                 arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
             except CompilationError as error:
@@ -268,7 +274,8 @@ class ManyRuns:
         size = LANES if many else 1
         filled = [*numbered, *[numbered[-1]] * (size - len(numbered))]
         block = made.block([one.numbers for one in filled], many)
-        set_up(block, [one.run.loop for one in filled], [one.signals for one in filled])
+        runs = [one.run for one in filled]
+        set_up(block, [run.loop for run in runs], [one.signals for one in filled], runs)
         start = np.stack([one.run.start for one in filled], axis=-1)
         self._verify(block, numbered, start)
         return made, numbered, block, start

@@ -37,7 +37,7 @@ def simulate_many(
     integrator: str = "rk4",
     control_period: float | None = None,
     torque_limit: Literal["robot"] | ArrayLike | None = "robot",
-    sensors: Sequence[Sensor] | None = None,
+    sensors: Sequence[Sensor] | Sequence[Sequence[Sensor]] | None = None,
     bodies: Sequence[Body] | Sequence[Sequence[Body]] = (),
     measure: Literal["log", "final_state"] | Callable[[Log], Any] = "log",
     workers: int | None = None,
@@ -46,15 +46,15 @@ def simulate_many(
 ) -> list[Outcome]:
     """Run many closed loops and return what became of each, in their order.
 
-    ``system``, ``controller``, ``q0``, ``v0``, ``controller_state0``, ``disturbance`` and ``bodies`` are one for all
-    runs, or a sequence with one for each (of states: an array with a row for each). All else is as of
+    ``system``, ``controller``, ``q0``, ``v0``, ``controller_state0``, ``disturbance``, ``sensors`` and ``bodies`` are
+    one for all runs, or a sequence with one for each (of states: an array with a row for each). All else is as of
     :func:`simulate`, and so is each run.
 
     Loops that differ in numbers only (initial states; gains, goals, tables and single numbers of laws; gravity,
-    friction, springs, and inertias of the arms; disturbances; contacts) are compiled once and together, and go on
-    eight at a time in the lanes of a vector, each to the last bit as by itself, over threads. Only the inertias that
-    differ between the runs are inputs of the code. What is not compiled is simulated interpreted, one run after the
-    other; a CompilationWarning says so once.
+    friction, springs, and inertias of the arms; disturbances; force sensors; contacts) are compiled once and together,
+    and go on eight at a time in the lanes of a vector, each to the last bit as by itself, over threads. Only the
+    inertias that differ between the runs are inputs of the code. What is not compiled is simulated interpreted, one
+    run after the other; a CompilationWarning says so once.
 
     A run that fails is an outcome with its error, and not the end; so is one whose arguments are refused, or whose law,
     disturbance or sensor raises an error of its own.
@@ -71,7 +71,7 @@ def simulate_many(
         integrator: a name in ``INTEGRATORS``.
         control_period: see ``simulate``.
         torque_limit: see ``simulate``.
-        sensors: see ``simulate``.
+        sensors: see ``simulate``; or a sequence of them for each run (with a seed each, for noise of its own).
         bodies: what the arm can touch, or a sequence of them for each run.
         measure: "log" for logs; "final_state" for (q, q̇, controller state, bodies' states) at the end, for which no
             trajectory is kept; or a function of a log, which is let go after it. It is called in this thread.
@@ -107,7 +107,8 @@ def simulate_many(
         "v0": _rows("v0", v0),
         "controller_state0": _rows("controller_state0", controller_state0),
         "disturbance": _disturbances(disturbance),
-        "bodies": _bodies(bodies),
+        "sensors": _lists(sensors),
+        "bodies": _lists(bodies),
     }
     lengths = {name: len(value) for name, value in each.items() if value is not None}
     count = max(lengths.values(), default=1)
@@ -165,7 +166,7 @@ def _disturbances(value: Any) -> list[Any] | None:
     return _rows("disturbance", value)
 
 
-def _bodies(value: Any) -> list[Any] | None:
+def _lists(value: Any) -> list[Any] | None:
     if isinstance(value, (list, tuple)) and value and all(isinstance(one, (list, tuple)) for one in value):
         return list(value)
     return None

@@ -127,6 +127,24 @@ def test_a_momentum_observer_of_another_model(control, shoulder):
         assert np.ptp(log.measured["external_force"], axis=0).min() > 0.5
 
 
+SENSORS = {
+    "true": {},
+    "noisy": {"noise": [0.1, 0.3], "seed": 7},
+    "biased, late, slow": {"bias": 0.2, "delay": 6.5e-3, "period": 4e-3},
+    "late, cut off": {"noise": 0.5, "delay": 3e-3, "saturation": [0.4, 0.9]},
+    "too late for this run": {"delay": 10.0},
+}
+
+
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=list(SENSORS))
+@pytest.mark.parametrize("control", list(CONTROL))
+def test_a_force_sensor_with_its_faults(control, sensor, shoulder):
+    law = make_controller("force_feedback_measured", shoulder)
+    log = both(shoulder, law, disturbance=SIGNALS, sensors=[ForceSensor(**sensor)], **CONTROL[control])
+    shown = np.ptp(log.measured["external_force"], axis=0).min()
+    assert shown > 0.5 if sensor.get("delay") != 10.0 else shown == 0.0
+
+
 @pytest.mark.parametrize("kind", ["rigid", "compliant"])
 @pytest.mark.parametrize("control", list(CONTROL))
 def test_a_body_in_the_way_of_a_joint(kind, control, shoulder):
@@ -184,7 +202,7 @@ def test_what_is_not_compiled_is_simulated_interpreted_and_says_so(shoulder, mon
             r"what acts on the arm cannot be compiled: .*made a text here \(test_compiled_run.py:",
         ),
         ({"bodies": [box]}, "contact with a shape that is neither plane nor sphere: not compiled yet"),
-        ({"sensors": [ForceSensor()]}, "sensors: not compiled yet"),
+        ({"sensors": [ForceSensor(frame=shoulder.hand_frame)]}, "sensors: not compiled yet"),
         ({"watch": lambda log: None}, "watch: not compiled yet"),
     ):
         with pytest.warns(CompilationWarning, match=f"the run is simulated interpreted: {words}"):

@@ -194,6 +194,37 @@ class Late(EnergyShaping):
         return shaping
 
 
+def test_runs_with_sensors_of_their_own(shoulder, rng):
+    """Each run has its noise, whatever the others have: in blocks, and alone."""
+    arguments = sweep(shoulder, rng)
+    sensors = [
+        [ForceSensor(noise=0.1 * (k % 3), bias=0.05 * k, delay=1e-3 * k, period=[None, 2e-3][k % 2], seed=k)]
+        for k in range(RUNS)
+    ]
+    arguments["sensors"] = sensors
+    outcomes = simulate_many(**arguments, duration=0.2, control_period=1e-3)
+    compare(outcomes, arguments, duration=0.2, control_period=1e-3)
+    shown = np.array([outcome.value.measured["external_force"] for outcome in outcomes])
+    assert len({row.tobytes() for row in shown}) == RUNS
+    alone = simulate_many(**{name: value[4:6] for name, value in arguments.items()}, duration=0.2, control_period=1e-3)
+    np.testing.assert_allclose(alone[1].value.measured["external_force"], shown[5], rtol=0.0, atol=1e-10)
+
+
+def test_observers_that_look_at_other_times(shoulder, rng):
+    arguments = sweep(shoulder, rng, runs=4)
+    arguments["sensors"] = [[MomentumObserver(shoulder, 40.0, period=period)] for period in (None, 2e-3, 4e-3, 2e-3)]
+    compare(simulate_many(**arguments, duration=0.1), arguments, duration=0.1)
+
+
+def test_a_sensor_that_does_not_fit_is_an_outcome(shoulder):
+    law = make_controller("force_feedback_measured", shoulder)
+    sensors = [[ForceSensor(noise=0.1)], [ForceSensor(noise=[0.1, 0.2, 0.3])]]
+    with pytest.warns(CompilationWarning, match="1 of 2 runs"):
+        good, bad = simulate_many(shoulder, law, sensors=sensors, duration=0.05)
+    assert good.error == ""
+    assert "noise: must be a scalar or have shape (2,)" in bad.error
+
+
 def test_runs_that_take_a_branch_that_is_not_compiled_are_simulated_interpreted(shoulder):
     law = Late.tuned(shoulder, goal=[0.0, 0.6])
     q0 = np.array([[0.0, 0.5], [0.4, 0.5], [0.1, 0.5]])
@@ -209,7 +240,7 @@ def test_what_is_not_compiled_is_said_once(shoulder, monkeypatch):
     law = make_controller("force_feedback_measured", shoulder, goal=[0.4, 0.6])
     options = {"q0": np.zeros((3, 2)), "duration": 0.02}
     with pytest.warns(CompilationWarning, match="3 of 3 runs are simulated interpreted: sensors: not") as said:
-        outcomes = simulate_many(shoulder, law, sensors=[ForceSensor()], **options)
+        outcomes = simulate_many(shoulder, law, sensors=[ForceSensor(frame=shoulder.hand_frame)], **options)
     assert len(said) == 1
     assert not any(outcome.compiled or outcome.error for outcome in outcomes)
     monkeypatch.setenv("CC", "no-such-compiler")
