@@ -46,6 +46,14 @@ from .controllers.total_force_rejection import TotalForceRejection
 from .controllers.trajectory_tracking import TrajectoryTracking
 from .controllers.virtual_position import VirtualPosition, virtual_position
 from .controllers.with_tank import with_tank
+from .design.design_gains import design_gains
+from .design.designed_gains import DesignedGains
+from .design.desired_bandwidth import DesiredBandwidth
+from .design.desired_gain import DesiredGain
+from .design.desired_settling import DesiredSettling
+from .design.sampling_budget import SamplingBudget
+from .design.specification import Specification
+from .design.torque_budget import TorqueBudget
 from .environments.body import Body
 from .environments.compliant_body import CompliantBody
 from .environments.contact_geometry import JointContact, SphereContact
@@ -202,6 +210,10 @@ __all__ = [
     "CubicSpline",
     "DataFileError",
     "DeclaredFriction",
+    "DesignedGains",
+    "DesiredBandwidth",
+    "DesiredGain",
+    "DesiredSettling",
     "Disturbance",
     "EnergyShaping",
     "EnergyTank",
@@ -319,6 +331,7 @@ __all__ = [
     "SampledFramePath",
     "SampledLoop",
     "SampledTrajectory",
+    "SamplingBudget",
     "Schedule",
     "Seen",
     "SeenFrame",
@@ -334,6 +347,7 @@ __all__ = [
     "SingleJointSpring",
     "Sinusoid",
     "SlowedPath",
+    "Specification",
     "SphereContact",
     "Step",
     "Stiffness",
@@ -344,6 +358,7 @@ __all__ = [
     "TankedLaw",
     "Target",
     "Tool",
+    "TorqueBudget",
     "TorqueFilter",
     "TotalForceRejection",
     "Touched",
@@ -371,6 +386,7 @@ __all__ = [
     "compare_models",
     "compile_law",
     "damping_for_gain",
+    "design_gains",
     "drive",
     "equilibrium",
     "exciting_trajectory",
