@@ -12,6 +12,7 @@ from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_
 from .analysis.linearization import Linearization, linearize
 from .analysis.model_comparison import ModelComparison, compare_models
 from .analysis.modes import Mode
+from .analysis.safe_set import SafeSet, safe_set
 from .analysis.sampled_loop import SampledLoop
 from .compilation.compiled_law import compile_law
 from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
@@ -327,6 +328,7 @@ __all__ = [
     "Robot",
     "RobotDescriptionError",
     "RobotDescriptionWarning",
+    "SafeSet",
     "Sampled",
     "SampledFramePath",
     "SampledLoop",
@@ -410,6 +412,7 @@ __all__ = [
     "record",
     "register",
     "resolved_motion",
+    "safe_set",
     "simulate",
     "simulate_many",
     "transformed_system",

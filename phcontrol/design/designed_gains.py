@@ -15,6 +15,7 @@ from phcontrol.analysis.modes import Mode
 from phcontrol.controllers.controller import Controller
 
 _DIGITS = 7  # of gains on the command line
+_NOTHING = 1e-9  # of the largest entry, below which one is rounding
 _SAME = 1e-3  # by which modes that are printed as one may differ
 MET = 0.02
 """By how much poles may be off what is desired, relatively."""
@@ -123,7 +124,8 @@ class DesignedGains:
 
 def text_of(value: Any) -> str:
     """Return a gain as --set takes it: a number, a list of a diagonal, or rows."""
-    array = np.asarray(value, dtype=float)
+    array = np.array(value, dtype=float)
+    array[np.abs(array) < _NOTHING * np.abs(array).max(initial=0.0)] = 0.0
     if array.ndim == 2 and not (array - np.diag(array.diagonal())).any():
         array = array.diagonal()
     if array.ndim == 1 and array.size and (array == array[0]).all():

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
 from phcontrol.controllers.controller import Controller
@@ -20,7 +19,7 @@ from phcontrol.design.directions import Directions
 from phcontrol.design.force_feedback_poles import ForceFeedbackPoles
 from phcontrol.design.hand_gains import hand_gains
 from phcontrol.design.integral_action_poles import IntegralActionPoles
-from phcontrol.design.poles import Placed, Poles
+from phcontrol.design.poles import Poles
 from phcontrol.design.second_order_poles import SecondOrderPoles
 from phcontrol.design.specification import Choice
 from phcontrol.exceptions import InvalidArgumentError
@@ -74,45 +73,28 @@ def placed_gains(
     inertia, friction = problem.state.mass_matrix, problem.friction
     if issubclass(law, _FRICTIONLESS):
         friction = np.zeros_like(friction)
-    if diagonal:
-        gains, placed, exact, notes = _diagonal(poles, inertia, friction)
-    else:
-        gains, placed, exact, notes = _full(poles, inertia, friction)
+    directions = (DiagonalDirections if diagonal else Directions)(inertia, friction)
+    found = [poles.place(float(d)) for d in directions.friction]
+    gains: dict[str, Any] = {
+        name: directions.matrix(how, np.array([each.gains[name] for each in found])) for name, how in kind.kinds.items()
+    }
     if "force_gain" in gains:
         gains["coupling"] = 1.0
     if not issubclass(law, ClassicalImpedance):  # whose damping acts on the joints themselves
         inverse = np.linalg.inv(problem.state.input_matrix)
         gains["damping"] = inverse @ gains["damping"] @ inverse.T
-    if not diagonal and problem.system.robot.continuous.any():
-        notes = (*notes, "K_p couples continuous joints to others: H_d jumps where one is half a turn off its goal")
-    return Choice(gains, placed, exact, notes)
-
-
-def _full(poles: Poles, inertia: Array, friction: Array) -> tuple[dict[str, Any], Array, bool, tuple[str, ...]]:
-    directions = Directions(inertia, friction)
-    found: list[Placed] = [poles.place(float(d)) for d in directions.friction]
-    gains: dict[str, Any] = {
-        name: directions.matrix(kind, np.array([each.gains[name] for each in found]))
-        for name, kind in poles.kinds.items()
-    }
-    missed = sum(not each.exact for each in found)
-    notes: tuple[str, ...] = ()
-    if missed:
+    placed = np.concatenate([each.poles for each in found])
+    notes, exact = [], all(each.exact for each in found)
+    if diagonal:
+        notes.append("diagonal gains put the mode of the heaviest direction there: the others are faster")
+        placed = np.zeros(0, dtype=complex) if friction.any() else found[0].poles
+    elif problem.system.robot.continuous.any():
+        notes.append("K_p couples continuous joints to others: H_d jumps where one is half a turn off its goal")
+    if not exact:
         least = float(directions.friction.max()) / (2.0 * poles.damping_ratio)
-        notes = (
-            f"in {missed} of {len(found)} directions the friction around rest alone damps more than is desired (from "
-            f"{least:.3g} rad/s on it would not): there the slowest pole is put where it should be, and ζ is larger",
+        notes.append(
+            f"in {sum(not each.exact for each in found)} of {len(found)} directions the friction around rest alone "
+            f"damps more than is desired (not from {least:.3g} rad/s on): there the slower pole is put where it should "
+            "be, and ζ is larger"
         )
-    return gains, np.concatenate([each.poles for each in found]), not missed, notes
-
-
-def _diagonal(poles: Poles, inertia: Array, friction: Array) -> tuple[dict[str, Any], Array, bool, tuple[str, ...]]:
-    directions, found = DiagonalDirections(inertia, friction), poles.place(0.0)
-    gains: dict[str, Any] = {
-        name: directions.matrix(kind, found.gains[name]) for name, kind in poles.kinds.items() if name != "damping"
-    }
-    gains["damping"], room = directions.damping(found.gains["damping"], 1.0 + found.gains.get("force_gain", 0.0))
-    notes = ["diagonal gains put the mode of the heaviest direction there: the others are faster"]
-    if not room:
-        notes.append("of some joints the friction around rest damps more than is desired: their ζ is larger")
-    return gains, np.zeros(0, dtype=complex) if friction.any() else found.poles, room, tuple(notes)
+    return Choice(gains, placed, exact, tuple(notes))

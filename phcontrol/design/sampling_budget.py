@@ -10,6 +10,8 @@ from phcontrol.design.placed_gains import placed_gains
 from phcontrol.design.specification import Choice, Specification
 from phcontrol.exceptions import PHControlError
 
+_FASTEST = 500.0  # bandwidth that is looked at [rad/s]
+
 
 class SamplingBudget(Specification):
     """The largest bandwidth whose loop is stable with the torque held for a period, and late.
@@ -45,7 +47,7 @@ class SamplingBudget(Specification):
             loop = linearize(law, problem.system, exact=False)
             return loop.sampled(self.margin * self.period, self.delay).stable
 
-        found = largest_bandwidth(holds)
+        found = largest_bandwidth(holds, _FASTEST)
         if not found:
             raise PHControlError(
                 f"{problem.name} on {problem.system.robot.name} is not stable at {FIRST:g} rad/s with a torque held "

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from phcontrol._validation import Array, number, positive, vector
 from phcontrol.controllers.controller import Controller
 from phcontrol.design.design_problem import DesignProblem
-from phcontrol.design.largest_bandwidth import FIRST, LAST, largest_bandwidth
+from phcontrol.design.largest_bandwidth import FIRST, largest_bandwidth
 from phcontrol.design.placed_gains import placed_gains
 from phcontrol.design.specification import Choice, Specification
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
@@ -33,6 +33,7 @@ class TorqueBudget(Specification):
             with a ``reference``).
         damping_ratio: ζ.
         share: of the limits that may be used.
+        fastest: bandwidth from which it is looked for [rad/s].
         duration: simulated of a step [s]; of a trajectory its own, and a tenth more.
         disturbance: f_e beside, constant [N·m].
 
@@ -51,6 +52,7 @@ class TorqueBudget(Specification):
         *,
         damping_ratio: float = 0.7,
         share: float = 1.0,
+        fastest: float = 60.0,
         duration: float = 1.0,
         disturbance: ArrayLike | None = None,
     ) -> None:
@@ -59,6 +61,7 @@ class TorqueBudget(Specification):
         self.motions = tuple(motions)
         self.damping_ratio = positive("damping_ratio", damping_ratio)
         self.share = number("share", share, minimum=0.01, maximum=1.0)
+        self.fastest = number("fastest", fastest, minimum=2.0 * FIRST)
         self.duration = positive("duration", duration)
         self.disturbance = disturbance
 
@@ -78,7 +81,7 @@ class TorqueBudget(Specification):
             asked: Array = np.max([self._asked(problem, gains, motion) for motion in self.motions], axis=0)
             return asked / limit
 
-        found = largest_bandwidth(lambda bandwidth: bool((excess(bandwidth) <= 1.0).all()))
+        found = largest_bandwidth(lambda bandwidth: bool((excess(bandwidth) <= 1.0).all()), self.fastest)
         if not found:
             asked = excess(FIRST)
             worst = int(np.argmax(asked))
@@ -92,8 +95,8 @@ class TorqueBudget(Specification):
         name = problem.system.robot.joint_names[joint]
         note = (
             f"the largest bandwidth is {found:.4g} rad/s: there '{name}' needs {at_most[joint]:.1%} of what it may"
-            if found < LAST
-            else f"the motions leave the torques inside the limits up to {LAST:g} rad/s, where the search ended"
+            if found < self.fastest
+            else f"the motions leave the torques inside the limits up to {self.fastest:g} rad/s, where the search ended"
         )
         return chosen._replace(notes=(*chosen.notes, note))
 
