@@ -55,6 +55,9 @@ from .design.desired_settling import DesiredSettling
 from .design.sampling_budget import SamplingBudget
 from .design.specification import Specification
 from .design.torque_budget import TorqueBudget
+from .design.trial import Trial
+from .design.tune import tune
+from .design.tuned_gains import TunedGains
 from .environments.body import Body
 from .environments.compliant_body import CompliantBody
 from .environments.contact_geometry import JointContact, SphereContact
@@ -368,6 +371,8 @@ __all__ = [
     "Trajectory",
     "TrajectoryTracking",
     "TransformedSystem",
+    "Trial",
+    "TunedGains",
     "URArm",
     "UdpArm",
     "UnknownNameError",
@@ -416,6 +421,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "transformed_system",
+    "tune",
     "virtual_position",
     "with_tank",
     "within_limits",
