@@ -17,7 +17,6 @@ from phcontrol.exceptions import InvalidArgumentError, PHControlError
 
 BAND = 0.05
 """Of the way, within which a motion counts as settled."""
-_LEAST = 0.3  # ζ below which no damping is looked for
 _TIMES = np.linspace(0.0, 40.0, 8001)  # over 1/ω
 
 
@@ -108,6 +107,6 @@ def settling_of(ratio: float) -> float:
 
 
 def _fastest_ratio() -> float:
-    """Return ζ with which a mode settles soonest: its first overshoot is just 5 %."""
+    """Return ζ with which a mode settles soonest: its first overshoot stays just below 5 %."""
     logarithm = math.log(BAND)
-    return -logarithm / math.hypot(math.pi, logarithm)
+    return -logarithm / math.hypot(math.pi, logarithm) + 1e-4

@@ -22,7 +22,7 @@ from phcontrol.simulation.closed_loop import simulate
 
 _REFUSED = 1e30  # in place of infinity, with which a search cannot calculate
 _FIRST = 0.4  # of the logarithm of a factor: the search's first step
-_TOLERANCE = 1e-3  # of that logarithm, and of the objective, at which it ends
+_TOLERANCE, _CHANGE = 1e-3, 1e-5  # of that logarithm, and of the objective, at which it ends
 
 Runner = Callable[[Controller, Any], Any]
 
@@ -100,14 +100,12 @@ def tune(
     )  # fmt: skip
     start = np.zeros(search.size)
     if search.cost(start) >= _REFUSED:
-        raise InvalidArgumentError(
-            "controller", f"has gains to begin with that are refused: {search.history[0].reason}"
-        )
+        raise InvalidArgumentError("controller", f"begins with gains that are refused: {search.history[0].reason}")
     limits = [(low, high)] * search.size
     if method == "nelder-mead":
         simplex = np.vstack([start, np.clip(start + _FIRST * np.eye(search.size), low, high)])
         options = {
-            "maxfev": most - 1, "xatol": _TOLERANCE, "fatol": _TOLERANCE * search.history[0].value,
+            "maxfev": most - 1, "xatol": _TOLERANCE, "fatol": _CHANGE * abs(search.history[0].value),
             "initial_simplex": simplex,
         }  # fmt: skip
         found = minimize(search.cost, start, method="Nelder-Mead", bounds=limits, options=options)
