@@ -12,6 +12,7 @@ from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_
 from .analysis.linearization import Linearization, linearize
 from .analysis.model_comparison import ModelComparison, compare_models
 from .analysis.modes import Mode
+from .analysis.safe_set import SafeSet, safe_set
 from .analysis.sampled_loop import SampledLoop
 from .compilation.compiled_law import compile_law
 from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
@@ -46,6 +47,17 @@ from .controllers.total_force_rejection import TotalForceRejection
 from .controllers.trajectory_tracking import TrajectoryTracking
 from .controllers.virtual_position import VirtualPosition, virtual_position
 from .controllers.with_tank import with_tank
+from .design.design_gains import design_gains
+from .design.designed_gains import DesignedGains
+from .design.desired_bandwidth import DesiredBandwidth
+from .design.desired_gain import DesiredGain
+from .design.desired_settling import DesiredSettling
+from .design.sampling_budget import SamplingBudget
+from .design.specification import Specification
+from .design.torque_budget import TorqueBudget
+from .design.trial import Trial
+from .design.tune import tune
+from .design.tuned_gains import TunedGains
 from .environments.body import Body
 from .environments.compliant_body import CompliantBody
 from .environments.contact_geometry import JointContact, SphereContact
@@ -211,6 +223,10 @@ __all__ = [
     "DaskScheduler",
     "DataFileError",
     "DeclaredFriction",
+    "DesignedGains",
+    "DesiredBandwidth",
+    "DesiredGain",
+    "DesiredSettling",
     "Disturbance",
     "EnergyShaping",
     "EnergyTank",
@@ -327,10 +343,12 @@ __all__ = [
     "Robot",
     "RobotDescriptionError",
     "RobotDescriptionWarning",
+    "SafeSet",
     "Sampled",
     "SampledFramePath",
     "SampledLoop",
     "SampledTrajectory",
+    "SamplingBudget",
     "Schedule",
     "Seen",
     "SeenFrame",
@@ -346,6 +364,7 @@ __all__ = [
     "SingleJointSpring",
     "Sinusoid",
     "SlowedPath",
+    "Specification",
     "SphereContact",
     "Statement",
     "Step",
@@ -359,6 +378,7 @@ __all__ = [
     "TankedLaw",
     "Target",
     "Tool",
+    "TorqueBudget",
     "TorqueFilter",
     "TotalForceRejection",
     "Touched",
@@ -366,6 +386,8 @@ __all__ = [
     "Trajectory",
     "TrajectoryTracking",
     "TransformedSystem",
+    "Trial",
+    "TunedGains",
     "URArm",
     "UdpArm",
     "UnknownNameError",
@@ -386,6 +408,7 @@ __all__ = [
     "compare_models",
     "compile_law",
     "damping_for_gain",
+    "design_gains",
     "drive",
     "equilibrium",
     "exciting_trajectory",
@@ -409,9 +432,11 @@ __all__ = [
     "record",
     "register",
     "resolved_motion",
+    "safe_set",
     "simulate",
     "simulate_many",
     "transformed_system",
+    "tune",
     "virtual_position",
     "with_tank",
     "within_limits",

@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import socket
@@ -788,3 +789,59 @@ def test_what_changes_with_time_is_not_analyzed():
     result = CliRunner().invoke(app, ["analyze", "--controller", "tracking", "--robot", "pera_shoulder"])
     assert result.exit_code == 2
     assert "changes with time" in result.output
+
+
+def test_designed_gains_are_printed_with_a_command_that_uses_them():
+    """What the command then analyses are the modes that were asked for."""
+    arguments = ["design", "--controller", "force_feedback", "--robot", "ur5", "--bandwidth", "6"]
+    shown = CliRunner().invoke(app, [*arguments, "--damping-ratio", "0.8"])
+    assert shown.exit_code == 0, shown.output
+    assert "6 × ω = 6 rad/s, ζ = 0.800" in shown.output
+    command = shown.output.splitlines()[-1]
+    assert command.startswith("phcontrol run position --controller force_feedback --robot ur5 --goal=")
+    analysed = shlex.split(command.replace("run position", "analyze") + " --json")[1:]
+    facts = json.loads(CliRunner().invoke(app, analysed).output)
+    pairs = [mode for mode in facts["modes"] if mode["eigenvalue"][1] > 0.0]
+    np.testing.assert_allclose([mode["frequency"] for mode in pairs], 6.0, rtol=1e-4)
+    np.testing.assert_allclose([mode["damping_ratio"] for mode in pairs], 0.8, rtol=1e-4)
+    as_json = json.loads(CliRunner().invoke(app, [*arguments, "--damping-ratio", "0.8", "--json"]).output)
+    assert as_json["command"] == command
+    assert as_json["met"]
+    assert as_json["modes"][0]["frequency"] == pytest.approx(6.0, rel=1e-3)
+
+
+def test_other_specifications_on_the_command_line():
+    hand = "design --controller cartesian_impedance --robot ur5 --stiffness 900,900,600,50,50,50 --settling-time 1"
+    arm = "design --controller energy_shaping --robot pera_shoulder"
+    for line in (hand, f"{arm} --l2-gain 0.1", f"{arm} --torque-share 0.9 --goal 0.1,0.4"):
+        shown = CliRunner().invoke(app, shlex.split(line))
+        assert shown.exit_code in (0, 1), shown.output
+        assert "use them:\nphcontrol" in shown.output
+    period = CliRunner().invoke(app, shlex.split("design --controller energy_shaping --robot ur5 --period 0.01"))
+    assert "the largest bandwidth is" in period.output
+
+
+def test_friction_that_damps_more_than_is_desired_is_exit_code_1():
+    shown = CliRunner().invoke(app, shlex.split("design --controller energy_shaping --robot pera --bandwidth 5"))
+    assert shown.exit_code == 1
+    assert "the friction around rest alone damps more" in shown.output
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("", "--bandwidth: must be given, or one of --settling-time"),
+        ("--bandwidth 5 --period 0.001", "--period: is one specification, and --bandwidth another"),
+        ("--l2-gain 1 --period 0.001", "--l2-gain: is one specification, and --period another"),
+        ("--stiffness 5", "--stiffness: and --settling-time go together"),
+        ("--stiffness 5,5 --settling-time 1", "--stiffness: must be 1, 3 or 6 numbers, but are 2"),
+        ("--diagonal --period 0.01", "--diagonal: goes with --bandwidth alone"),
+        ("--bandwidth -5", "bandwidth: must be > 0"),
+        ("--bandwidth 5 --set stiffness=5", "stiffness: is what the poles"),
+    ],
+)
+def test_specifications_that_make_no_sense(options, message):
+    line = f"design --controller energy_shaping --robot pera_shoulder {options}"
+    shown = CliRunner().invoke(app, shlex.split(line))
+    assert shown.exit_code == 2
+    assert message in shown.output

@@ -163,3 +163,13 @@ def test_wipe_table(tmp_path, monkeypatch):
     assert it["way"] > 0.3
     assert it["drag"] == pytest.approx(0.4 * 10.0, rel=0.02)
     assert it["balance"].energy_drift < 1e-4
+
+
+def test_which_gains(tmp_path, monkeypatch):
+    it = run("which_gains.py", tmp_path, monkeypatch)
+    assert it["designed"].met
+    assert it["by_torque"].stable
+    assert it["by_period"].linear.sampled(4e-3, 1).stable
+    assert it["tuned"].value < it["tuned"].start_value
+    assert 0.0 < it["used"] < 1.0
+    assert "a start with a storage function" in it["loop"].reason

@@ -12,8 +12,8 @@ import phcontrol
 PACKAGE = Path(phcontrol.__file__).parent
 LAYERS = (
     "mechanics", "potentials", "vision", "trajectories", "setpoints", "environments", "sensors", "tanks",
-    "controllers", "compilation", "safety", "simulation", "runtime", "analysis", "identification", "visualization",
-    "sweeps", "runs", "thesis", "cli",
+    "controllers", "compilation", "safety", "simulation", "runtime", "analysis", "design", "identification",
+    "visualization", "sweeps", "runs", "thesis", "cli",
 )  # fmt: skip
 """The folders; each imports from itself and from those before it."""
 

@@ -26,6 +26,10 @@ class Commands(LazyGroup):
         "analyze": Listed(
             "phcontrol.cli.analyze:analyze", "Look at a closed loop about its rest: modes, stable periods, steps, gain."
         ),
+        "design": Listed(
+            "phcontrol.cli.design:design",
+            "Make a law's gains from what its loop should do, or from what limits it.",
+        ),
         "identify": Listed(
             "phcontrol.cli.identify:identify", "Identify payload, friction and rotors of an arm from logs."
         ),

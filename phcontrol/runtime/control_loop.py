@@ -21,7 +21,9 @@ from phcontrol.runtime.loop_clock import LoopClock
 from phcontrol.runtime.loop_mode import LoopMode
 from phcontrol.runtime.measured_borders import MeasuredBorders
 from phcontrol.runtime.restart_policy import RestartPolicy
+from phcontrol.runtime.safe_starts import SafeStarts
 from phcontrol.runtime.signal_border import SignalBorder
+from phcontrol.runtime.start_check import StartCheck
 from phcontrol.runtime.timing import Timing, TimingRecorder
 from phcontrol.runtime.torque_gate import TorqueGate
 from phcontrol.safety.torque_filter import FilteredTorque, TorqueFilter
@@ -66,6 +68,8 @@ class ControlLoop:
       are good again; later each time, and not for ever: see :class:`RestartPolicy`.
     - **errors**: whatever a law, the torque filter or a model raises or returns in place of finite numbers stops the
       loop for good: ``fault`` has the exception. ``restart()`` is needed then, as after ``stop()`` or giving up.
+    - **safe starts**: with a ``safe_set`` a start from outside it stops the loop for good, or only warns
+      (``unsafe_start="warn"``). The ramp of ``start_time`` is no part of that proof.
 
     ``step`` raises no exception but those that end a program. Every torque passes the torque filter, or is clipped to
     the torque limit, passes a last check (:class:`TorqueGate`), and is the caller's own.
@@ -86,6 +90,8 @@ class ControlLoop:
         stale_after: [s]; by default 10 periods.
         deadline: of one step's computation [s]; by default the period.
         setpoint: what is changed while the loop runs; brought up to date before each step of the law.
+        safe_set: a :class:`SafeSet` of the law, which every start must be in.
+        unsafe_start: "refuse" or "warn".
         camera: a camera in the hand, with frames at its own rate: image features are measured with each reading.
         gravity: "controller" for an arm whose motors do what they are sent, "robot" for one that adds its own weight
             (Franka, UR, KUKA); ``drive`` sets what the driver says.
@@ -107,6 +113,8 @@ class ControlLoop:
         deadline: float | None = None,
         setpoint: Setpoint | None = None,
         camera: LoopCamera | None = None,
+        safe_set: SafeStarts | None = None,
+        unsafe_start: Literal["refuse", "warn"] = "refuse",
         gravity: Gravity = "controller",
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -143,6 +151,7 @@ class ControlLoop:
         if camera is not None and not isinstance(camera, LoopCamera):
             raise InvalidArgumentError("camera", f"must be a LoopCamera, but is {type(camera).__name__}")
         self._camera = camera
+        self._starts = StartCheck(safe_set, controller, unsafe_start)
         self._clock, self._recorder = LoopClock(clock), TimingRecorder(self.period, self.deadline)
         self._restarts = RestartPolicy(self.period)
         self._state: Array = np.zeros(controller.state_size)
@@ -380,6 +389,7 @@ class ControlLoop:
             self.setpoint.advance(self._time)
         if self.mode == LoopMode.STARTING and self._steps_in_mode == 0:
             self._state = sampled.initial_state(x)
+            self._starts.check(x, self._state)
         part = 1.0
         if self.mode == LoopMode.STARTING:
             part = _smooth(self._steps_in_mode * self.period, self.start_time)

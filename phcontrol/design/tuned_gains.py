@@ -1,0 +1,50 @@
+"""What tuning came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from phcontrol._validation import Array
+from phcontrol.controllers.controller import Controller
+from phcontrol.design.trial import Trial
+
+
+@dataclass(frozen=True, eq=False)
+class TunedGains:
+    """Gains that make an objective small over scenarios."""
+
+    law: Controller = field(repr=False)
+    """The law with these gains."""
+    gains: dict[str, Array]
+    """Those that were tuned, as keyword arguments."""
+    value: float
+    """Of the objective."""
+    start_value: float
+    """With the gains that it began with."""
+    history: tuple[Trial, ...] = field(repr=False)
+    """Every set of gains that was tried, in order; the first are those that it began with."""
+    converged: bool
+    """Whether the search ended by itself, and not with its last evaluation."""
+
+    @property
+    def factors(self) -> dict[str, tuple[float, ...]]:
+        """Of the gains, over those that it began with."""
+        return min(self.history, key=lambda trial: trial.value).factors
+
+    @property
+    def refused(self) -> tuple[Trial, ...]:
+        """Gains that were refused."""
+        return tuple(trial for trial in self.history if trial.reason)
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        end = "converged" if self.converged else "stopped at the number of evaluations that was allowed"
+        lines = [
+            f"{self.law.name} on {self.law.system.robot.name}: {self.start_value:.4g} -> {self.value:.4g} in "
+            f"{len(self.history)} evaluations ({len(self.refused)} refused), {end}"
+        ]
+        for name, factors in self.factors.items():
+            lines.append(f"  {name} times {np.array2string(np.array(factors), precision=3)}")
+        return "\n".join(lines)
