@@ -43,8 +43,8 @@ class Mode:
 
     @property
     def oscillates(self) -> bool:
-        """Whether it is a pair."""
-        return self.eigenvalue.imag != 0.0
+        """Whether it is a pair; a part that is not known from 0 makes none."""
+        return abs(self.eigenvalue.imag) > self.uncertainty
 
 
 def modes_of(A: Array, names: tuple[str, ...], values: Array, uncertainty: Array) -> tuple[Mode, ...]:

@@ -55,7 +55,9 @@ class HandModes:
 
     def damping(self, stiffness: Array, ratio: float) -> Array:
         """Return D_x that gives every mode the ratio, shape (rows, rows)."""
-        factor = kernels.damping_root(_root(stiffness), self.task.mobility, ratio)
+        linear = _root(stiffness[:3, :3])
+        turning, axes = (_root(stiffness[3:, 3:]), np.eye(3)) if self.rotates else (None, None)
+        factor = kernels.damping_root(linear, turning, axes, self.task.mobility, ratio)
         damping: Array = factor @ factor.T
         return damping
 
