@@ -43,6 +43,18 @@ class ReductionServo(VisualServo):
         object_length: L [m].
         lost: "error" or "hold", see :class:`VisualServo`.
         interconnection: which J̄₂ the target is written with.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, ObservedObject, PinholeCamera, ReductionServo, load_robot
+        >>> from phcontrol import simulate
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> camera = PinholeCamera()
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.001, 0.0022], system.at(system.robot.home))
+        >>> servo = ReductionServo.tuned(system, [0.0, 0.0, 0.002], camera=camera)
+        >>> log = simulate(system, servo, duration=1.0, dt=4e-3, scene=thing)
+        >>> error = abs(log.features - servo.goal).max(axis=1)
+        >>> bool(error[-1] < error[0])
+        True
     """
 
     name = "reduction_servo"

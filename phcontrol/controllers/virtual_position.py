@@ -16,7 +16,16 @@ _FOUND = 1e-9  # of the joint force
 
 
 class VirtualPosition(NamedTuple):
-    """Where a virtual spring must pull to, and what it then asks of the joints."""
+    """Where a virtual spring must pull to, and what it then asks of the joints.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot, virtual_position
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> found = virtual_position(system, "tool", [1.0, 0.0, 0.0], 40.0, contact=system.robot.home)
+        >>> np.allclose(40.0 * (found.position - system.robot.home), found.joint_force, atol=1e-6)
+        True
+    """
 
     position: Array
     """q_f, shape (n,) [rad]."""
@@ -45,6 +54,12 @@ def virtual_position(
         contact: q_c, where the joints are held by what is touched [rad]; 0 if not given.
 
     Raises PHControlError when no such position is found: the force is more than the spring can be stretched for.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, load_robot, virtual_position
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> virtual_position(system, "tool", [1.0, 0.0, 0.0], 40.0).position.shape
+        (7,)
     """
     check_system(system)
     wrench = np.asarray(force, dtype=float)
