@@ -10,6 +10,7 @@ import typer
 from latex2mathml.converter import convert
 
 import phcontrol
+from phcontrol._groups import GROUPS, names_of
 from phcontrol.analysis.advice import ADVICE
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
@@ -26,6 +27,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         "{{ table of laws }}": laws_table,
         "{{ table of advice }}": advice_table,
         "{{ command line }}": command_line,
+        "{{ groups }}": groups,
     }
     for mark, make in made.items():
         if mark in markdown:
@@ -51,6 +53,15 @@ def advice_table() -> str:
     """Return what each failed line of a certificate means as a table."""
     rows = [f"| {name} | {text} |" for name, text in ADVICE.items()]
     return "\n".join(["| line | means |", "|---|---|", *rows])
+
+
+def groups() -> str:
+    """Return every group of public names, with what it holds."""
+    rows = [
+        f"| `phcontrol.{name}` | {group.summary} | {', '.join(f'`{item}`' for item in names_of(name))} |"
+        for name, group in GROUPS.items()
+    ]
+    return "\n".join(["| group | about | names |", "|---|---|---|", *rows])
 
 
 def command_line() -> str:
