@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import html
 import re
+import textwrap
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -15,6 +18,7 @@ from phcontrol.analysis.advice import ADVICE
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
 
+HERE = Path(__file__).parent
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
 ROLE = re.compile(r":(?:class|func|meth):<code>(?P<name>[\w.]+)</code>")
 CARTESIAN = ("cartesian_impedance", "cartesian_tracking")
@@ -28,6 +32,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         "{{ table of advice }}": advice_table,
         "{{ command line }}": command_line,
         "{{ groups }}": groups,
+        "{{ gallery }}": gallery,
     }
     for mark, make in made.items():
         if mark in markdown:
@@ -53,6 +58,21 @@ def advice_table() -> str:
     """Return what each failed line of a certificate means as a table."""
     rows = [f"| {name} | {text} |" for name, text in ADVICE.items()]
     return "\n".join(["| line | means |", "|---|---|", *rows])
+
+
+def gallery() -> str:
+    """Return every picture with its caption and the code that made it."""
+    source = (HERE / "gallery.py").read_text(encoding="utf-8")
+    parts = []
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.FunctionDef) or not (HERE / "gallery" / f"{node.name}.png").is_file():
+            continue
+        lines = source.splitlines()[node.body[1].lineno - 1 : node.end_lineno]
+        code, caption = textwrap.dedent("\n".join(lines)), ast.get_docstring(node)
+        title = node.name.replace("_", " ").capitalize()
+        picture = f"![{caption}](gallery/{node.name}.png)"
+        parts.append(f"## {title}\n\n{caption}\n\n{picture}\n\n```python\n{code}\n```")
+    return "\n\n".join(parts)
 
 
 def groups() -> str:

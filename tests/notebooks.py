@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ def execute(path: Path, folder: Path) -> str:
     nbclient = pytest.importorskip("nbclient", reason="needs the extra 'test'")
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
-    client = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}})
-    client.execute()
+    settings = importlib.import_module("traitlets.config").Config({"KernelManager": {"transport": "ipc"}})
+    resources = {"metadata": {"path": str(folder)}}
+    nbclient.NotebookClient(notebook, timeout=300, resources=resources, config=settings).execute()
     said = []
     for cell in notebook.cells:
         for output in cell.get("outputs", []):

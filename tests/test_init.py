@@ -68,9 +68,12 @@ def test_its_commands_and_its_notebook_run(project, monkeypatch):
 
 
 def test_what_it_writes_is_formatted_and_checked_as_the_package_is(project):
-    for command in (["format", "--check", "--line-length", "120"], ["check", "--select", "E,F,W,I,B"]):
+    for command in (["format", "--check"], ["check", "--select", "E,F,W,I,B"]):
         result = subprocess.run(
-            [sys.executable, "-m", "ruff", *command, str(project)], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "ruff", *command, "--line-length", "120", "--isolated", "."],
+            cwd=project,
+            capture_output=True,
+            text=True,
         )
         assert result.returncode == 0, result.stdout
 

@@ -51,10 +51,10 @@ class MyLaw(Controller):
 TEST = '''"""The law is what it promises on this arm, and brings the arm to its goal. Run with ``pytest``."""
 
 import numpy as np
+from phcontrol import certify, simulate
 
 from arm import make_system
 from law import MyLaw
-from phcontrol import certify, simulate
 
 
 def test_the_closed_loop_is_what_the_law_promises():
