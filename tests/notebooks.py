@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import pytest
@@ -14,9 +13,7 @@ def execute(path: Path, folder: Path) -> str:
     nbclient = pytest.importorskip("nbclient", reason="needs the extra 'test'")
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
-    settings = importlib.import_module("traitlets.config").Config({"KernelManager": {"transport": "ipc"}})
-    resources = {"metadata": {"path": str(folder)}}
-    nbclient.NotebookClient(notebook, timeout=300, resources=resources, config=settings).execute()
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}}).execute()
     said = []
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
