@@ -70,11 +70,6 @@ class ReductionServo(VisualServo):
         """Compute K_τ and the projector at the goal."""
         super().prepare()
         at_goal = self.view(self.system.at(self.posture), self.goal).image_jacobian
-        values = np.linalg.svd(at_goal, compute_uv=False)
-        if values[-1] < 1e-6 * values[0]:
-            raise InvalidArgumentError(
-                "posture", f"the image Jacobian at the goal is singular there: name another one than {self.posture}"
-            )
         inverse = right_inverse(at_goal)
         if self.feature_gain is None:
             self.feature_gain = inverse @ self.rate
