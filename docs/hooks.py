@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import ast
 import html
 import re
+import textwrap
+from pathlib import Path
 from typing import Any
 
 import typer
 from latex2mathml.converter import convert
 
 import phcontrol
+from phcontrol._groups import GROUPS, names_of
 from phcontrol.analysis.advice import ADVICE
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
 
+HERE = Path(__file__).parent
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
 ROLE = re.compile(r":(?:class|func|meth):<code>(?P<name>[\w.]+)</code>")
 CARTESIAN = ("cartesian_impedance", "cartesian_tracking")
@@ -26,6 +31,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         "{{ table of laws }}": laws_table,
         "{{ table of advice }}": advice_table,
         "{{ command line }}": command_line,
+        "{{ groups }}": groups,
+        "{{ gallery }}": gallery,
     }
     for mark, make in made.items():
         if mark in markdown:
@@ -51,6 +58,30 @@ def advice_table() -> str:
     """Return what each failed line of a certificate means as a table."""
     rows = [f"| {name} | {text} |" for name, text in ADVICE.items()]
     return "\n".join(["| line | means |", "|---|---|", *rows])
+
+
+def gallery() -> str:
+    """Return every picture with its caption and the code that made it."""
+    source = (HERE / "gallery.py").read_text(encoding="utf-8")
+    parts = []
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.FunctionDef) or not (HERE / "gallery" / f"{node.name}.png").is_file():
+            continue
+        lines = source.splitlines()[node.body[1].lineno - 1 : node.end_lineno]
+        code, caption = textwrap.dedent("\n".join(lines)), ast.get_docstring(node)
+        title = node.name.replace("_", " ").capitalize()
+        picture = f"![{caption}](gallery/{node.name}.png)"
+        parts.append(f"## {title}\n\n{caption}\n\n{picture}\n\n```python\n{code}\n```")
+    return "\n\n".join(parts)
+
+
+def groups() -> str:
+    """Return every group of public names, with what it holds."""
+    rows = [
+        f"| `phcontrol.{name}` | {group.summary} | {', '.join(f'`{item}`' for item in names_of(name))} |"
+        for name, group in GROUPS.items()
+    ]
+    return "\n".join(["| group | about | names |", "|---|---|---|", *rows])
 
 
 def command_line() -> str:

@@ -122,7 +122,7 @@ def test_run_track_follows_on_any_arm(options, tmp_path):
         "run", "track", "--robot", "ur5", "--duration", "0.3", "--samples", "2", *options, "--out", str(tmp_path)
     )
     assert result.exit_code == 0, result.output
-    assert "limits: position, velocity and torque kept" in result.output
+    assert "asked of it        within the limits of position, velocity and torque" in result.output
     error = float(re.search(r"error on the way +(\S+) rad", result.output)[1])
     assert error < (1e-8 if "observed" not in options else 1e-3)
 
@@ -845,3 +845,74 @@ def test_specifications_that_make_no_sense(options, message):
     shown = CliRunner().invoke(app, shlex.split(line))
     assert shown.exit_code == 2
     assert message in shown.output
+
+
+QUICK = ["--duration", "0.05", "--samples", "2"]
+
+
+def test_quiet_says_nothing_beside_json_either(tmp_path):
+    """Where results were written stands on stderr beside JSON, and --quiet had left it there."""
+    arguments = ["run", "position", "--robot", "pera_shoulder", *QUICK, "--out", str(tmp_path), "--json"]
+    assert "wrote" in run(*arguments).stderr
+    quiet = run(*arguments, "-q")
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
+    assert "wrote" in run(*arguments).stderr  # the next command is not quiet
+
+
+@pytest.mark.parametrize("name", ["position", "integral_action", "cartesian_impedance", "reduction_servo", "track"])
+def test_help_says_where_results_go(name):
+    assert f"[default: results/{name}]" in " ".join(run("run", name, "--help").stdout.split())
+
+
+def test_a_run_in_which_nothing_moves_says_so(tmp_path):
+    still = run("run", "cartesian_impedance", "--robot", "ur5", *QUICK, "--out", str(tmp_path))
+    assert "nothing moved" in still.stdout
+    pushed = run("run", "cartesian_impedance", "--robot", "ur5", "--push", "0,0,5", *QUICK, "--out", str(tmp_path))
+    assert "nothing moved" not in pushed.stdout
+    assert [line.split()[0] for line in pushed.stdout.splitlines()].count("limits") == 1
+
+
+def test_a_run_names_the_limits_of_the_arm_once(tmp_path):
+    said = run("run", "track", "--robot", "ur5", *QUICK, "--out", str(tmp_path)).stdout
+    assert sum(line.strip().startswith("limits") for line in said.splitlines()) == 1
+    assert "asked of it" in said
+
+
+def test_an_arm_of_few_joints_has_a_hand_too(tmp_path):
+    """Three joints were refused, since three numbers may be a point or a posture."""
+    result = run("run", "cartesian_impedance", "--robot", "pera_shoulder_elbow", *QUICK, "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert "pera_shoulder_elbow has 3 joints, and a pose six directions" in result.stderr
+
+
+def test_a_servo_at_a_singular_goal_is_refused_not_failed(tmp_path):
+    link = (
+        '<link name="{0}"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>'
+        '<inertia ixx="0.02" iyy="0.02" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j{0}" type="revolute"><parent link="{1}"/><child link="{0}"/><origin xyz="0 0 0.2"/>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="60" velocity="3"/></joint>'
+    )
+    links = "".join(link.format(child, parent) for child, parent in (("a", "base"), ("b", "a"), ("c", "b")))
+    planar = tmp_path / "planar.urdf"  # stretched at home: it can bring an object nowhere but along one line
+    planar.write_text(f'<robot name="planar"><link name="base"/>{links}</robot>')
+    for law in ("hamiltonian_servo", "reduction_servo"):
+        result = run("certify", "--robot", str(planar), "--controller", law, "--samples", "2")
+        assert result.exit_code == 2
+        assert "the image Jacobian at the goal is singular there" in result.stderr
+    everything = run("certify", "--robot", str(planar), "--samples", "2")
+    assert everything.exit_code == 0, everything.output
+    assert "hamiltonian_servo is not for this arm" in everything.stdout
+
+
+def test_analyze_takes_what_an_arm_carries_and_shows_no_rounding(tmp_path):
+    arguments = ["analyze", "--controller", "energy_shaping", "--robot", "pera_shoulder", "--set", "damping=5"]
+    plain, loaded = (json.loads(run(*arguments, *more, "--json").stdout) for more in ([], ["--payload", "2"]))
+    slow = [min(-mode["eigenvalue"][0] for mode in facts["modes"]) for facts in (plain, loaded)]
+    assert slow[0] != pytest.approx(slow[1], rel=1e-3)
+    assert "--rotor-inertia" in run("analyze", "--help").stdout
+    assert "--smoothing" in run("identify", "--help").stdout
+    from phcontrol.cli.analyze import lines_of
+
+    row = {"uncertainty": 1e-9, "frequency": 0.0, "damping_ratio": None, "time_constant": None, "joints": {"j": 1.0}}
+    facts = plain | {"modes": [row | {"eigenvalue": [1.2e-16, 0.0], "own_states": 0.0}], "steps": []}
+    assert lines_of(facts)[2].split()[0] == "0"

@@ -29,7 +29,15 @@ _LEFT = 1e-9  # of H_d, that a motion must have lost to have left the set
 
 @dataclass(frozen=True)
 class InvariantSet:
-    """The largest invariant set in {Ḣ_d = 0} about the rest: {rest} where LaSalle gives asymptotic stability."""
+    """The largest invariant set in {Ḣ_d = 0} about the rest: {rest} where LaSalle gives asymptotic stability.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, invariant_set, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> found = invariant_set(EnergyShaping.tuned(system), system)
+        >>> found.dimension, found.detectable
+        (0, True)
+    """
 
     states: int
     """How many numbers (q, q̇, controller state) there are."""
@@ -71,6 +79,12 @@ def invariant_set(controller: Controller, system: MechanicalSystem, *, samples: 
 
     Raises InvalidArgumentError for a law that changes with time or rests in contact only, PHControlError for one that
     is not what it promises on this system, or does not rest near its goal.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, invariant_set, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> invariant_set(EnergyShaping.tuned(system), system).dimension  # 0: it comes to rest at its goal alone
+        0
     """
     count("samples", samples)
     require_certificate(controller, system, "LaSalle's principle", rest=False)

@@ -28,7 +28,16 @@ _BALANCED = 1e-9  # of its terms, to which (2.45) may be off in other states whe
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A state of rest of plant and controller under a constant external force (thesis section 2.4)."""
+    """A state of rest of plant and controller under a constant external force (thesis section 2.4).
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, equilibrium, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0)
+        >>> rest = equilibrium(law, system, [2.0, 0.0])  # f_e [N·m]
+        >>> (rest.position - law.goal).round(3)  # f_e / stiffness [rad]
+        array([0.1, 0. ])
+    """
 
     position: Array
     """q, shape (n,) [rad]."""
@@ -96,6 +105,13 @@ def equilibrium(
     Raises PHControlError when there is no such state near by: for example with integral action while f_e
     is felt only through a sensor, or when the law is not what it promises on its own model: what is said of its
     storage function rests on that. Raises InvalidArgumentError for a law that follows a trajectory.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, equilibrium, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0)
+        >>> (equilibrium(law, system, [2.0, 0.0]).position - law.goal).round(3)  # f_e / stiffness [rad]
+        array([0.1, 0. ])
     """
     if controller.time_span:
         raise InvalidArgumentError("controller", "changes with time: it comes to no rest that could be found")

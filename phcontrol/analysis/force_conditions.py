@@ -19,7 +19,15 @@ from phcontrol.mechanics.system import MechanicalSystem
 
 @dataclass(frozen=True)
 class ForceConditions:
-    """For which ε > 0 the function H_ε = ½|p̂|² + ½wᵀK_z⁻¹w + εp̂ᵀw is a Lyapunov function of (4.17) at every sample."""
+    """For which ε > 0 the function H_ε = ½|p̂|² + ½wᵀK_z⁻¹w + εp̂ᵀw is a Lyapunov function of (4.17) at every sample.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, force_control_conditions, load_robot, make_controller
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> found = force_control_conditions(make_controller("force_control", gripper), gripper, samples=1)
+        >>> found.passed, found.samples
+        (True, 1)
+    """
 
     positive: float
     """H_ε > 0 for ε below this: 1/sqrt(λ_max(K_z)). The thesis's (4.13) has κ₁ = λ_min(K_z) in its place."""
@@ -71,6 +79,12 @@ def force_control_conditions(
 
     Raises InvalidArgumentError for another law and for a box that is empty, PHControlError for a law that is not what
     it promises on this system.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, force_control_conditions, load_robot, make_controller
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> force_control_conditions(make_controller("force_control", gripper), gripper, samples=1).passed
+        True
     """
     if not isinstance(controller, ForceControl):
         raise InvalidArgumentError("controller", f"must be a ForceControl, but is {type(controller).__name__}")

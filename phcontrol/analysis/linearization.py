@@ -48,6 +48,13 @@ class Linearization:
 
     The loop is the true one: the forward dynamics of the plant under the law's torque. y and f_e are what they differ
     by from the equilibrium. Outputs are q, q̇ and the law's ŷ = GᵀT⁻ᵀp̂.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, linearize, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> linear = linearize(EnergyShaping.tuned(system), system, exact=False)
+        >>> linear.A.shape, bool((linear.eigenvalues.real < 0.0).all())
+        ((4, 4), True)
     """
 
     position: Array

@@ -68,7 +68,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """What ``compare_models`` found. ``str()`` is a report; ``same`` says that there is nothing in it."""
+    """What ``compare_models`` found. ``str()`` is a report; ``same`` says that there is nothing in it.
+
+    Example:
+        >>> from phcontrol import Payload, compare_models, load_robot
+        >>> plain, loaded = load_robot("pera_shoulder"), load_robot("pera_shoulder", payload=Payload(0.5))
+        >>> found = compare_models(plain, loaded)
+        >>> found.same, found.same_order, "M" in {difference.quantity for difference in found.differences}
+        (False, True, True)
+    """
 
     names: tuple[str, str]
     only_first: tuple[str, ...]

@@ -14,7 +14,14 @@ _PAIRED = 1e-9  # relative size of an imaginary part that is one
 
 @dataclass(frozen=True)
 class Mode:
-    """One eigenvalue of the linearised loop, or a pair of conjugate ones."""
+    """One eigenvalue of the linearised loop, or a pair of conjugate ones.
+
+    Example:
+        >>> from phcontrol import Mode
+        >>> mode = Mode(eigenvalue=-2.0 + 2.0j, uncertainty=0.0, joints=(("elbow", 1.0),), own_states=0.0)
+        >>> round(mode.frequency, 3), round(mode.damping_ratio, 3), mode.time_constant
+        (2.828, 0.707, 0.5)
+    """
 
     eigenvalue: complex
     """λ, of a pair that with the positive imaginary part [1/s]."""

@@ -25,6 +25,13 @@ class SampledLoop:
     Between the samples the plant moves under the held torque, exactly: (Φ, Γ_u, Γ_f) by the matrix exponential. At a
     sample the law is asked, and its own state advances by one Euler step, as in ``simulate(control_period=h)`` and in a
     ``ControlLoop``. A delay of d periods applies the torque of d samples before.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, linearize, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> sampled = linearize(EnergyShaping.tuned(system), system, exact=False).sampled(1e-3)
+        >>> sampled.stable, sampled.A.shape
+        (True, (6, 6))
     """
 
     period: float

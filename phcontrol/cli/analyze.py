@@ -12,8 +12,18 @@ import typer
 from phcontrol.analysis.l2_gain import l2_gain
 from phcontrol.analysis.linearization import Linearization, linearize
 from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.errors import say_aside
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
-from phcontrol.cli.options import ArmatureOption, FormOption, JsonOption, LockOption, RobotOption, SetOption
+from phcontrol.cli.options import (
+    ArmatureOption,
+    FormOption,
+    JsonOption,
+    LockOption,
+    PayloadOption,
+    RobotOption,
+    RotorOption,
+    SetOption,
+)
 from phcontrol.cli.texts import settings_of
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.law_error import errors_of
@@ -34,6 +44,8 @@ def analyze(
     interconnection: FormOption = "coriolis",
     lock: LockOption = None,
     armature: ArmatureOption = None,
+    payload: PayloadOption = None,
+    rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     differences: Annotated[
         bool, typer.Option("--differences", help="Finite differences, also where exact derivatives are to be had.")
@@ -48,7 +60,7 @@ def analyze(
 
     Exit code 1 if a mode grows.
     """
-    system, entry = system_of(robot, lock, armature), law_of(controller)
+    system, entry = system_of(robot, lock, armature, payload, rotor_inertia), law_of(controller)
     options = settings_of(settings, "interconnection", "goal")
     with errors_of(controller, entry.law):
         law = make_controller(
@@ -66,7 +78,7 @@ def analyze(
         from phcontrol.visualization.plots import save_figure
 
         written = save_figure(linear_figure(found, f"{law.name} on {system.robot.name}"), picture)
-        typer.echo(f"wrote {written}", err=as_json)
+        say_aside(f"wrote {written}", as_json)
     if not facts["stable"]:
         raise typer.Exit(1)
 
@@ -90,6 +102,7 @@ def facts_of(law: Controller, system: MechanicalSystem, found: Linearization) ->
         "modes": [
             {
                 "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+                "uncertainty": mode.uncertainty,
                 "frequency": mode.frequency,
                 "damping_ratio": _finite(mode.damping_ratio),
                 "time_constant": _finite(mode.time_constant),
@@ -135,7 +148,7 @@ def lines_of(facts: dict[str, Any]) -> list[str]:
         f"  {'mode [1/s]':<24}{'ω [rad/s]':>11}{'ζ':>8}{'time constant':>16}  moves",
     ]
     for mode in facts["modes"][:_SHOWN]:
-        real, imaginary = mode["eigenvalue"]
+        real, imaginary = (part if abs(part) > mode["uncertainty"] else 0.0 for part in mode["eigenvalue"])
         value = f"{real:.4g}" + (f" ± {imaginary:.4g}j" if imaginary else "")
         ratio = "-" if mode["damping_ratio"] is None else f"{mode['damping_ratio']:.3f}"
         constant = "stays" if mode["time_constant"] is None else f"{mode['time_constant']:.3g} s"

@@ -33,6 +33,10 @@ class Commands(LazyGroup):
         "identify": Listed(
             "phcontrol.cli.identify:identify", "Identify payload, friction and rotors of an arm from logs."
         ),
+        "init": Listed(
+            "phcontrol.cli.init:init",
+            "Write a small project: an arm, a law of your own, a test with its certificate, a notebook.",
+        ),
         "view": Listed("phcontrol.cli.view:view", "Play a log in a browser: opens one, or prints the address."),
         "reproduce": Listed(
             "phcontrol.cli.reproduce:reproduce_command",

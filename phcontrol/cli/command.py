@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from phcontrol.cli.errors import reports_errors
+from phcontrol.cli.errors import QUIET, reports_errors
 from phcontrol.cli.once_command import OnceCommand
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -54,7 +54,9 @@ def _quiet(function: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(function)
     def command(*, quiet: bool = False, **arguments: Any) -> None:
+        QUIET[:] = ["--quiet"] if quiet else []
         with contextlib.ExitStack() as stack:
+            stack.callback(QUIET.clear)
             if quiet:
                 nowhere = stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
                 stack.enter_context(contextlib.redirect_stdout(nowhere))

@@ -7,6 +7,7 @@ import json
 import platform
 import sys
 from importlib import metadata
+from typing import Annotated
 
 import typer
 
@@ -18,6 +19,7 @@ from phcontrol.compilation.caller import CALLER
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.mechanics.kernels import KERNELS
 
+_LISTED = 5e6  # packages of at least 5 MB are listed by name
 _NEEDED = ("pin", "numpy", "scipy", "daqp", "proxsuite")
 _OPTIONAL = {  # module: package, extra, what for
     "casadi": ("casadi", "compile", "compile_law and phcontrol export"),
@@ -32,11 +34,19 @@ _OPTIONAL = {  # module: package, extra, what for
 }
 
 
-def doctor(as_json: JsonOption = False) -> None:
+def doctor(
+    sizes: Annotated[
+        bool, typer.Option("--sizes", help="Say how much of the disk phcontrol and each package it needs take.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """Say what is installed and found here, and what is missing for what.
 
-    Versions, compiled parts, the C compiler and the cache of compiled laws.
+    Versions, compiled parts, the C compiler and the cache of compiled laws; the packages' sizes with --sizes.
     """
+    if sizes:
+        _say_sizes(as_json)
+        return
     found, missing = examined()
     if as_json:
         typer.echo(json.dumps({"found": found, "missing": missing}, indent=2))
@@ -73,6 +83,21 @@ def examined() -> tuple[dict[str, str], list[str]]:
         missing.append("a C compiler (cc, gcc, clang, or what CC names), for compile_law: laws run interpreted")
     found["cache of compiled laws"] = _cache(missing)
     return found, missing
+
+
+def _say_sizes(as_json: bool) -> None:
+    from phcontrol.cli.installed_size import sizes_of
+
+    sizes = sizes_of("phcontrol")
+    if as_json:
+        typer.echo(json.dumps(sizes, indent=2))
+        return
+    for name, size in sizes.items():
+        if size >= _LISTED:
+            typer.echo(f"{size / 1e6:8.1f} MB  {name}")
+    small = [size for size in sizes.values() if size < _LISTED]
+    typer.echo(f"{sum(small) / 1e6:8.1f} MB  {len(small)} smaller packages")
+    typer.echo(f"{sum(sizes.values()) / 1e6:8.1f} MB  all {len(sizes)} packages")
 
 
 def _cache(missing: list[str]) -> str:

@@ -33,6 +33,16 @@ def reports_errors(command: Callable[Parameters, Result]) -> Callable[Parameters
     return wrapped
 
 
+QUIET: list[str] = []
+"""Holds something where nothing is to be said but errors and warnings (--quiet)."""
+
+
+def say_aside(message: str, aside: bool = True) -> None:
+    """Say where something was written: on stdout, or on stderr beside JSON; not with --quiet."""
+    if not QUIET:
+        typer.echo(message, err=aside)
+
+
 def say_error(message: str) -> None:
     """Print an error in one line on stderr."""
     typer.echo(f"error: {_one_line(message)}", err=True)

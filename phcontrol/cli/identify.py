@@ -12,7 +12,7 @@ from phcontrol.cli.arm import system_of
 from phcontrol.cli.options import ArmatureOption, LockOption, PayloadOption, RotorOption
 from phcontrol.cli.showing import check_writable
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.identification.identify import UNTOLD
+from phcontrol.identification.identify import SMOOTHING, UNTOLD
 from phcontrol.identification.identify import identify as identify_parameters
 from phcontrol.identification.parameters import GROUPS
 from phcontrol.simulation.log import Log
@@ -30,6 +30,9 @@ def identify(
     frame: Annotated[str | None, typer.Option(help="What carries the payload. Default: the tool frame.")] = None,
     window: Annotated[float, typer.Option(help="How long torques are averaged [s].")] = 0.2,
     validation: Annotated[float, typer.Option(help="Part of each log that is kept back and predicted.")] = 0.25,
+    smoothing: Annotated[
+        float, typer.Option(help="Of the sign in the Coulomb friction [rad²/s²]; 1e-6 ends it at some mrad/s.")
+    ] = SMOOTHING,
     untold: Annotated[
         str, typer.Option(help=f"Parameters that the logs do not tell: {' or '.join(UNTOLD)} the model's.")
     ] = "refuse",
@@ -57,6 +60,7 @@ def identify(
         frame=frame,
         window=window,
         validation=validation,
+        smoothing=smoothing,
         untold=untold,
     )
     typer.echo(str(found))

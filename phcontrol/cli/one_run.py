@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from phcontrol.cli.errors import say_error
+from phcontrol.cli.errors import say_aside, say_error
 from phcontrol.cli.laws import law_of
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
 from phcontrol.controllers.law_error import errors_of
@@ -36,7 +36,7 @@ def run_and_write(
             summary = json.dumps(result.to_dict(), indent=2) if showing.as_json else result.summary()
         typer.echo(summary)
         written = result.write(folder)
-        typer.echo("\nwrote " + ", ".join(map(str, written)), err=showing.as_json)
+        say_aside("\nwrote " + ", ".join(map(str, written)), showing.as_json)
         record_logs({"": result.log}, showing.record, err=showing.as_json, certificate=result.certificate)
         if watch is not None:
             watch.linger(result.log)

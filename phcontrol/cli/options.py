@@ -10,6 +10,7 @@ import typer
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.simulation.integrators import INTEGRATORS
 
+OUT_HELP = "Folder for log, picture and certificate."
 RobotOption = Annotated[
     str, typer.Option(help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.")
 ]
@@ -54,8 +55,7 @@ PeriodOption = Annotated[
 DurationOption = Annotated[float, typer.Option(help="Simulated time [s].")]
 SamplesOption = Annotated[int, typer.Option(help="States at which the law is certified.")]
 SeedOption = Annotated[int, typer.Option(min=0, help="Of the states at which the law is certified.")]
-OutOption = Annotated[Path, typer.Option(help="Folder for log, picture and certificate.")]
-OptionalOutOption = Annotated[Path | None, typer.Option(help="Folder for log, picture and certificate.")]
+OutOption = Annotated[Path, typer.Option(help=OUT_HELP)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ViewOption = Annotated[bool, typer.Option("--view", help="Watch in a browser, at the pace of the clock.")]
 RecordOption = Annotated[

@@ -9,6 +9,7 @@ import typer
 
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli.arm import system_of
+from phcontrol.cli.errors import say_aside
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
     ArmatureOption,
@@ -17,7 +18,7 @@ from phcontrol.cli.options import (
     IntegratorOption,
     JsonOption,
     LockOption,
-    OptionalOutOption,
+    OutOption,
     PayloadOption,
     PeriodOption,
     PortOption,
@@ -32,6 +33,7 @@ from phcontrol.cli.options import (
 )
 from phcontrol.cli.showing import Showing
 from phcontrol.cli.texts import numbers_of, settings_of
+from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.cartesian import run_cartesian
 
 StiffnessOption = Annotated[
@@ -41,7 +43,19 @@ StiffnessOption = Annotated[
 PushOption = Annotated[
     str | None, typer.Option(help="Force on the hand x,y,z in the world [N], and a torque, three more [N·m].")
 ]
+_DIRECTIONS = 6  # of a pose
 HandOption = Annotated[str | None, typer.Option(help="The hand: a frame. Default: the tool, or the last frame.")]
+
+
+def _with_hand(system: MechanicalSystem) -> MechanicalSystem:
+    """Return an arm; say so where it has too few joints to move its hand in every direction."""
+    if system.n < _DIRECTIONS:
+        joints = "1 joint" if system.n == 1 else f"{system.n} joints"
+        say_aside(
+            f"note: {system.robot.name} has {joints}, and a pose six directions: the springs act on what the "
+            "joints can move of the hand"
+        )
+    return system
 
 
 def impedance(
@@ -61,7 +75,7 @@ def impedance(
     rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
-    out: OptionalOutOption = None,
+    out: OutOption = Path("results/cartesian_impedance"),
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
@@ -70,8 +84,8 @@ def impedance(
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature, payload, rotor_inertia),
-        Path("results") / controller if out is None else out,
+        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia)),
+        out,
         Showing(view, record, port, as_json),
         controller=controller,
         study=run_cartesian,
@@ -112,7 +126,7 @@ def tracking(
     rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
-    out: OptionalOutOption = None,
+    out: OutOption = Path("results/cartesian_tracking"),
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
@@ -121,8 +135,8 @@ def tracking(
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
-        system_of(robot, lock, armature, payload, rotor_inertia),
-        Path("results") / controller if out is None else out,
+        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia)),
+        out,
         Showing(view, record, port, as_json),
         controller=controller,
         study=run_cartesian,

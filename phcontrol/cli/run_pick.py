@@ -10,6 +10,7 @@ import typer
 
 from phcontrol._validation import choice, positive
 from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli.errors import say_aside
 from phcontrol.cli.options import JsonOption, PortOption, RecordOption, ViewOption
 from phcontrol.cli.showing import Showing, check_writable, record_logs, watching
 from phcontrol.runs.pick import DURATION, run_pick
@@ -49,7 +50,7 @@ def pick(
             watch=watch,
         )
         typer.echo(json.dumps(result.to_dict(), indent=2) if as_json else result.summary())
-        typer.echo("\nwrote " + ", ".join(str(path) for path in result.write(out)), err=as_json)
+        say_aside("\nwrote " + ", ".join(str(path) for path in result.write(out)), as_json)
         record_logs({"": result.log}, record, err=as_json)
         if watch is not None:
             watch.linger(result.log)

@@ -19,7 +19,7 @@ from phcontrol.cli.options import (
     IntegratorOption,
     JsonOption,
     LockOption,
-    OptionalOutOption,
+    OutOption,
     PayloadOption,
     PeriodOption,
     PortOption,
@@ -62,7 +62,7 @@ def position(
     rotor_inertia: RotorOption = False,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
-    out: OptionalOutOption = None,
+    out: OutOption = Path("results/position"),
     view: ViewOption = False,
     record: RecordOption = None,
     port: PortOption = None,
@@ -75,7 +75,7 @@ def position(
         typer.echo("warning: --step: the goal jumps; laws that feed forces back must overshoot it", err=True)
     run_and_write(
         system,
-        Path("results/position") if out is None else out,
+        out,
         Showing(view, record, port, as_json),
         controller=controller,
         goal=goal_of(system, goal, reach, frame),

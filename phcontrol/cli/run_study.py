@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from phcontrol.cli.errors import say_aside
 from phcontrol.cli.options import JsonOption, PortOption, RecordOption
 from phcontrol.cli.showing import check_port_is_used, check_writable, record_logs, show
 from phcontrol.thesis.registry import run_study
@@ -30,7 +31,7 @@ def study_command(name: str) -> Callable[..., None]:
             check_port_is_used(port)
         outcome = run_study(name)
         typer.echo(json.dumps(outcome.to_dict(), indent=2) if as_json else outcome.summary())
-        typer.echo("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)), err=as_json)
+        say_aside("\nwrote " + ", ".join(str(path) for path in outcome.write(folder)), as_json)
         record_logs(outcome.logs, record, err=as_json)
         if view:
             show(outcome.logs, port)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import typer
 
 from phcontrol._files import check_file_place, check_folder
+from phcontrol.cli.errors import say_aside
 from phcontrol.exceptions import DataFileError, InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
@@ -57,7 +58,7 @@ def record_logs(
 
     for name, log in logs.items():
         target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
-        typer.echo(f"recorded {record(log, target, certificate=certificate)}", err=err)
+        say_aside(f"recorded {record(log, target, certificate=certificate)}", err)
 
 
 def show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:

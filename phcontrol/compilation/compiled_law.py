@@ -140,10 +140,15 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
         NotTraceableError: the law does what cannot be written as C; names the line.
 
     Example:
+        >>> import numpy as np
         >>> from phcontrol import MechanicalSystem, compile_law, load_robot, make_controller
         >>> system = MechanicalSystem(load_robot("pera_shoulder"))
-        >>> law = compile_law(make_controller("force_feedback", system))  # doctest: +SKIP
-        >>> law.step(0.0, q, v, state).torque  # doctest: +SKIP
+        >>> interpreted = make_controller("force_feedback", system)
+        >>> law = compile_law(interpreted)
+        >>> q, v, state = np.array([0.2, 0.1]), np.array([0.1, -0.2]), np.zeros(2)
+        >>> torque = interpreted.evaluate(0.0, system.at(q, v), state).torque
+        >>> bool(np.allclose(law.step(0.0, q, v, state).torque, torque, atol=1e-10))
+        True
     """
     check_loop(controller, getattr(controller, "system", None))
     if isinstance(controller, CompiledLaw):

@@ -16,6 +16,15 @@ class LoopJacobian:
     Kept in parts, so that a loop whose torque is held can be made of them too: of the plant q̈(q, q̇, u, f_e), of what
     is measured m(q, q̇, f_e), and of the law (u, ż)(q, q̇, z, m, t). Those with respect to numbers have as many columns
     as were asked for.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, linearize, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> linear = linearize(EnergyShaping.tuned(system), system, exact=False)
+        >>> jacobian = linear.jacobian
+        >>> jacobian.joints, np.allclose(jacobian.state, linear.A)
+        (2, True)
     """
 
     plant: Array = field(repr=False)

@@ -37,6 +37,20 @@ class CartesianTracking(CartesianLaw):
         path: a ``FramePath``, of pose or of position alone; by default a figure of eight near home.
 
     Further arguments are those of :class:`CartesianLaw` and :class:`TankedLaw`; ``frame`` is the path's.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import CartesianTracking, FrameLine, MechanicalSystem, Pose, load_robot, simulate
+        >>> fingers = ["panda_finger_joint1", "panda_finger_joint2"]
+        >>> system = MechanicalSystem(load_robot("panda", locked_joints=fingers))
+        >>> start = system.at(system.robot.home).placement("panda_hand_tcp")
+        >>> end = Pose(start.translation + [0.0, 0.1, 0.0], start.rotation)
+        >>> line = FrameLine("panda_hand_tcp", start, end, travel_time=1.0)
+        >>> law = CartesianTracking.tuned(system, path=line)
+        >>> log = simulate(system, law, duration=1.5, dt=2e-3)
+        >>> there = system.at(log.position[-1]).placement("panda_hand_tcp").translation
+        >>> bool(np.linalg.norm(there - end.translation) < 2e-3)  # [m]
+        True
     """
 
     name = "cartesian_tracking"

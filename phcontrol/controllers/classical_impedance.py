@@ -35,6 +35,14 @@ class ClassicalImpedance(RegulatedLaw):
         compensate_external_force: True for (4.61).
         regulation: the outer integrator that moves q_f, or None; not with compensation.
         interconnection: which J̄₂ the target is written with.
+
+    Example:
+        >>> from phcontrol import ClassicalImpedance, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = ClassicalImpedance(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0)
+        >>> log = simulate(system, law, duration=3.0, dt=5e-3, q0=[0.0, 0.0])
+        >>> log.position[-1].round(3)
+        array([0.304, 0.202])
     """
 
     name = "classical_impedance"

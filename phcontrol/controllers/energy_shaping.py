@@ -36,6 +36,15 @@ class EnergyShaping(PositionLaw, DampedLaw):
         reference: along what, by default a goal at rest.
         damping: C, scalar, vector or matrix, positive definite [N·m·s/rad].
         interconnection: which J̄₂ the target is written with.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0)
+        >>> log = simulate(system, law, duration=3.0, dt=5e-3, q0=[0.0, 0.0])
+        >>> log.position[-1].round(3), bool(np.diff(log.storage).max() < 1e-9)
+        (array([0.3  , 0.199]), True)
     """
 
     name = "energy_shaping"

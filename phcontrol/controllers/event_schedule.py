@@ -31,7 +31,16 @@ _TIME_OUT = -1.0
 
 
 class HandOver(NamedTuple):
-    """The arm at the instant at which a law takes over."""
+    """The arm at the instant at which a law takes over.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, HandOver, MechanicalSystem, load_robot
+        >>> at = HandOver(position=np.array([0.1, 0.0]), desired=np.array([0.2, 0.0]), features=np.zeros(3))
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> EnergyShaping.tuned(system, at.desired).goal  # what a function of a Phase makes of it
+        array([0.2, 0. ])
+    """
 
     position: Array
     """q, shape (n,) [rad]."""
@@ -55,6 +64,12 @@ class Phase:
             the arm is, whatever came before); or the name of an earlier phase, whose law just goes on.
         then: pairs (event, name of the next phase); the first that happens counts. None for the last phase.
         within: how long to wait for one of them [s]; then the schedule ends in its stop.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, Phase, Touched, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> Phase("wait", EnergyShaping.tuned(system), [(Touched(0.5), "go")], within=3.0).within  # [s]
+        3.0
     """
 
     name: str
@@ -64,7 +79,13 @@ class Phase:
 
 
 class Switch(NamedTuple):
-    """What a schedule did at one instant."""
+    """What a schedule did at one instant.
+
+    Example:
+        >>> from phcontrol import Switch
+        >>> print(Switch(1.0, "wait", "go", "touched", 0.2, 0.5, 0.01))
+        1.00 s: wait -> go (touched); H_d 0.2 J -> 0.5 J, torque jumps by 0.01 N·m
+    """
 
     time: float
     """[s]."""
@@ -106,6 +127,16 @@ class EventSchedule(LawSequence):
     Args:
         phases: in their order; the first acts first.
         stop: what makes the law of the stop; by default energy shaping about where the arm is.
+
+    Example:
+        >>> from phcontrol import After, EnergyShaping, EventSchedule, MechanicalSystem, Phase, load_robot
+        >>> from phcontrol import simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> wait, go = EnergyShaping.tuned(system, [0.0, 0.0]), EnergyShaping.tuned(system, [0.2, 0.0])
+        >>> schedule = EventSchedule([Phase("wait", wait, [(After(0.5), "go")], within=2.0), Phase("go", go)])
+        >>> log = simulate(system, schedule, duration=1.0, dt=5e-3, q0=[0.0, 0.0])
+        >>> [(switch.leaving, switch.entering) for switch in schedule.switches(log.time, log.controller_state)]
+        [('wait', 'go')]
     """
 
     name = "event_schedule"

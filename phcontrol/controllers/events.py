@@ -17,7 +17,18 @@ from phcontrol.vision.scene import Eyes
 
 
 class Moment(NamedTuple):
-    """What an event is judged by."""
+    """What an event is judged by.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, Measured, MechanicalSystem, Moment, Touched, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> felt = Measured(external_force=np.array([0.0, 0.8]))
+        >>> law = EnergyShaping.tuned(system)
+        >>> moment = Moment(system.at([0.0, 0.0]), felt, law, time=0.1, elapsed=0.1, eyes=None)
+        >>> Touched(0.5).holds(moment)
+        True
+    """
 
     x: MechanicalState
     """State of the arm."""
@@ -38,6 +49,17 @@ class Event(ABC):
 
     Args:
         lasting: [s].
+
+    Example:
+        >>> from phcontrol import NOTHING, EnergyShaping, Event, MechanicalSystem, Moment, load_robot
+        >>> class Fast(Event):
+        ...     def holds(self, moment):
+        ...         return bool(abs(moment.x.velocity).max() > 1.0)  # [rad/s]
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system)
+        >>> moment = Moment(system.at([0.0, 0.0], [2.0, 0.0]), NOTHING, law, 0.0, 0.0, None)
+        >>> Fast(lasting=0.1).holds(moment)
+        True
     """
 
     needs: tuple[str, ...] = ()
@@ -74,7 +96,19 @@ class _Sight(Event):
 
 
 class Seen(_Sight):
-    """The object is in the image of the camera that a law of the schedule steers by."""
+    """The object is in the image of the camera that a law of the schedule steers by.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import HamiltonianServo, Measured, MechanicalSystem, Moment, PinholeCamera, Seen
+        >>> from phcontrol import load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> servo = HamiltonianServo.tuned(system, [0.0, 0.0, 0.002], camera=PinholeCamera())
+        >>> there = Measured(features=np.array([0.001, 0.0, 0.002]))
+        >>> x = system.at(system.robot.home)
+        >>> Seen().holds(Moment(x, there, servo, time=1.0, elapsed=1.0, eyes=servo.eyes))
+        True
+    """
 
     def __init__(self, lasting: float = 0.1) -> None:
         super().__init__(lasting)
@@ -85,7 +119,20 @@ class Seen(_Sight):
 
 
 class Lost(_Sight):
-    """The object is not in the image."""
+    """The object is not in the image.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import HamiltonianServo, Lost, Measured, MechanicalSystem, Moment, PinholeCamera
+        >>> from phcontrol import Seen, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> servo = HamiltonianServo.tuned(system, [0.0, 0.0, 0.002], camera=PinholeCamera())
+        >>> unseen = Measured(features=np.full(3, np.nan))
+        >>> x = system.at(system.robot.home)
+        >>> moment = Moment(x, unseen, servo, time=1.0, elapsed=1.0, eyes=servo.eyes)
+        >>> Lost().holds(moment), Seen().holds(moment)
+        (True, False)
+    """
 
     def __init__(self, lasting: float = 0.5) -> None:
         super().__init__(lasting)
@@ -102,6 +149,16 @@ class Touched(Event):
         force: [N·m].
         joint: its name; None for any joint.
         lasting: [s]; long enough for noise not to be taken for it.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, Measured, MechanicalSystem, Moment, Touched, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> felt = Measured(external_force=np.array([0.0, -0.8]))  # [N·m]
+        >>> law = EnergyShaping.tuned(system)
+        >>> moment = Moment(system.at([0.0, 0.0]), felt, law, time=0.1, elapsed=0.1, eyes=None)
+        >>> Touched(0.5).holds(moment), Touched(1.0).holds(moment)
+        (True, False)
     """
 
     needs = ("external_force",)
@@ -130,6 +187,14 @@ class Settled(Event):
         features: largest error |τ_i − τ_d,i| of a law that sees [m]; None for any. What is not seen is not settled.
         position: largest error of a joint from the posture that the law desires [rad]; None for any.
         lasting: [s].
+
+    Example:
+        >>> from phcontrol import NOTHING, EnergyShaping, MechanicalSystem, Moment, Settled, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system, [0.2, 0.0])
+        >>> moment = Moment(system.at([0.0, 0.0]), NOTHING, law, time=1.0, elapsed=1.0, eyes=None)
+        >>> Settled(0.01).holds(moment), Settled(0.01, position=0.05).holds(moment)
+        (True, False)
     """
 
     def __init__(
@@ -169,6 +234,14 @@ class After(Event):
 
     Args:
         seconds: [s].
+
+    Example:
+        >>> from phcontrol import NOTHING, After, EnergyShaping, MechanicalSystem, Moment, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system)
+        >>> moment = Moment(system.at(system.robot.home), NOTHING, law, time=0.4, elapsed=0.4, eyes=None)
+        >>> After(0.5).holds(moment), After(0.3).holds(moment)
+        (False, True)
     """
 
     def __init__(self, seconds: float) -> None:
@@ -188,6 +261,14 @@ class When(Event):
         name: what it is called in reports.
         needs: fields of Measured that the function reads.
         lasting: [s].
+
+    Example:
+        >>> from phcontrol import NOTHING, EnergyShaping, MechanicalSystem, Moment, When, load_robot
+        >>> still = When(lambda moment: abs(moment.x.velocity).max() < 0.01, "still", lasting=0.1)
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system)
+        >>> still.holds(Moment(system.at([0.0, 0.0]), NOTHING, law, 1.0, 1.0, None)), str(still)
+        (True, 'still')
     """
 
     def __init__(

@@ -65,6 +65,15 @@ class ForceControl(DynamicExtension):
             has reached v_max and ½wᵀK_z⁻¹w would grow; otherwise w winds up in free motion. None for no limit.
         contact_threshold: |f_e| from which there is contact [N·m].
         interconnection: which J̄₂ the target is written with.
+
+    Example:
+        >>> from phcontrol import ForceControl, JointContact, MechanicalSystem, RigidBody, load_robot, simulate
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> ball = RigidBody(JointContact("gripper", 0.20), stiffness=20.0, damping=0.5)
+        >>> law = ForceControl(gripper, force=[3.5], damping=5.0, coupling=1.0, force_gain=1.0, approach_speed=0.2)
+        >>> log = simulate(gripper, law, duration=4.0, dt=2e-3, bodies=[ball])
+        >>> log.contact_force[-1:].round(2)  # [N·m]
+        array([3.5])
     """
 
     name = "force_control"

@@ -39,6 +39,14 @@ class ForceFeedback(PositionLaw, DynamicExtension):
         force_gain: K_z, positive definite.
         measured: whether f̄ includes the measured external force (needs ``external_force``).
         interconnection: which J̄₂ the target is written with.
+
+    Example:
+        >>> from phcontrol import ForceFeedback, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = ForceFeedback(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0, coupling=0.5, force_gain=2.0)
+        >>> log = simulate(system, law, duration=6.0, dt=5e-3, q0=[0.0, 0.0], disturbance=[1.0, 0.0])  # [N·m]
+        >>> bool(abs(log.position[-1] - law.goal).max() < 0.01)  # the spring alone would give way by 0.05 rad
+        True
     """
 
     name = "force_feedback"

@@ -18,6 +18,13 @@ class ForceRegulation:
         force: f_d [N·m].
         gain: κ [rad/(N·m·s)].
         rate_limit: [rad/s].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ForceRegulation
+        >>> rule = ForceRegulation([2.0], gain=0.3, rate_limit=0.5)  # f_d [N·m], κ [rad/(s·N·m)], [rad/s]
+        >>> rule.rate(np.array([1.0]))  # of the virtual position [rad/s]
+        array([-0.3])
     """
 
     def __init__(self, force: ArrayLike, *, gain: float = 0.3, rate_limit: float = 0.5) -> None:

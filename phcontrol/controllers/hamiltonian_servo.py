@@ -62,6 +62,18 @@ class HamiltonianServo(VisualServo):
         object_length: L [m].
         lost: "error" or "hold", see :class:`VisualServo`.
         interconnection: "coriolis" or "canonical".
+
+    Example:
+        >>> from phcontrol import HamiltonianServo, MechanicalSystem, ObservedObject, PinholeCamera, load_robot
+        >>> from phcontrol import simulate
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> camera = PinholeCamera()
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.001, 0.0022], system.at(system.robot.home))
+        >>> servo = HamiltonianServo.tuned(system, [0.0, 0.0, 0.002], camera=camera)
+        >>> log = simulate(system, servo, duration=1.0, dt=4e-3, scene=thing)
+        >>> error = abs(log.features - servo.goal).max(axis=1)
+        >>> bool(error[-1] < 0.5 * error[0])
+        True
     """
 
     name = "hamiltonian_servo"

@@ -35,7 +35,14 @@ class _Stretched(NamedTuple):
 
 
 class RestLengthPort(NamedTuple):
-    """The port (u_rl, y_rl) of the virtual spring (4.45), (4.46): y_rlᵀu_rl is the power into it by its rest length."""
+    """The port (u_rl, y_rl) of the virtual spring (4.45), (4.46): y_rlᵀu_rl is the power into it by its rest length.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import RestLengthPort
+        >>> RestLengthPort(rate=np.array([0.1]), force=np.array([2.0])).power  # [W]
+        0.2
+    """
 
     rate: Array
     """u_rl = q̇_rl, shape (n,) [rad/s]."""
@@ -73,6 +80,16 @@ class ImpedanceGrasping(RegulatedLaw):
         damping: C, positive definite [N·m·s/rad].
         regulation: the outer integrator, or None.
         interconnection: "coriolis" or "canonical".
+
+    Example:
+        >>> from phcontrol import ImpedanceGrasping, JointContact, MechanicalSystem, RigidBody, load_robot
+        >>> from phcontrol import simulate
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> law = ImpedanceGrasping.tuned(gripper, [0.0])
+        >>> ball = RigidBody(JointContact("gripper", 0.20), stiffness=200.0, damping=1.0)
+        >>> log = simulate(gripper, law, duration=2.0, dt=4e-3, bodies=[ball])
+        >>> bool(log.contact_force[-1] > 0.05)  # it holds the ball [N·m]
+        True
     """
 
     name = "impedance_grasping"

@@ -42,6 +42,15 @@ class IntegralAction(PositionLaw, DynamicExtension):
             definite (diagonal gains are when they are positive).
         integral_stiffness: K_ξ, positive definite [N·m/rad]: how much of the error's integral acts; 1 if not given.
         integral_compliance: Γ, with any potential in place of K_i [rad/(N·m·s)], Γ + Γᵀ positive definite.
+
+    Example:
+        >>> from phcontrol import IntegralAction, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = IntegralAction.tuned(system, [0.3, 0.2])
+        >>> push = [1.0, -0.5]  # [N·m], unknown to the law
+        >>> log = simulate(system, law, duration=8.0, dt=5e-3, q0=[0.0, 0.0], disturbance=push)
+        >>> bool(abs(log.position[-1] - law.goal).max() < 1e-3)  # [rad]
+        True
     """
 
     name = "integral_action"

@@ -18,7 +18,16 @@ _ANSWERS = ("target", "storage", "shape", "states", "initial_state")  # what a l
 
 
 class LawError(PHControlError):
-    """A law of one's own raised an error. Says what and, where it is known, where in its file."""
+    """A law of one's own raised an error. Says what and, where it is known, where in its file.
+
+    Example:
+        >>> from phcontrol import LawError, PHControlError
+        >>> try:
+        ...     raise LawError("spring", "my_laws.py:12", ZeroDivisionError("division by zero"))
+        ... except PHControlError as error:
+        ...     print(error)
+        my_laws.py:12: spring raised ZeroDivisionError: division by zero
+    """
 
     exit_code = 1
 

@@ -28,6 +28,14 @@ class Parameter(Generic[Given, Kept]):
         default: of the constructor; without one the argument must be given. None stands for "not used" and is kept.
         tuned: makes the value that suits a robot (``Controller.tuned``).
         check: (name, value, system) -> value, or raises InvalidArgumentError.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, Parameter, load_robot
+        >>> class Named(EnergyShaping):
+        ...     name = "named"
+        ...     label = Parameter("", "", default="arm", check=lambda name, value, system: str(value))
+        >>> Named.tuned(MechanicalSystem(load_robot("pera_gripper")), label=7).label
+        '7'
     """
 
     def __init__(
@@ -64,7 +72,18 @@ class Parameter(Generic[Given, Kept]):
 
 
 class Gain(Parameter[ArrayLike, Array]):
-    """A symmetric positive-definite (n, n) matrix, given as scalar, vector or matrix."""
+    """A symmetric positive-definite (n, n) matrix, given as scalar, vector or matrix.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, Gain, MechanicalSystem, load_robot
+        >>> class Spring(EnergyShaping):
+        ...     name = "spring"
+        ...     extra: Gain = Gain("K_x", "N·m/rad", default=1.0)
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> Spring.tuned(system, extra=[2.0, 3.0]).extra  # a vector is a diagonal
+        array([[2., 0.],
+               [0., 3.]])
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> Array:
         """Return the matrix."""
@@ -72,7 +91,15 @@ class Gain(Parameter[ArrayLike, Array]):
 
 
 class Matrix(Parameter[ArrayLike, Array]):
-    """Any (n, n) matrix, given as scalar, vector or matrix."""
+    """Any (n, n) matrix, given as scalar, vector or matrix.
+
+    Example:
+        >>> from phcontrol import Matrix, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> Matrix("A").checked("coupling", 0.5, system)  # a number is that of a diagonal
+        array([[0.5, 0. ],
+               [0. , 0.5]])
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> Array:
         """Return the matrix."""
@@ -80,7 +107,13 @@ class Matrix(Parameter[ArrayLike, Array]):
 
 
 class Vector(Parameter[ArrayLike, Array]):
-    """One number for each joint."""
+    """One number for each joint.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Vector, load_robot
+        >>> Vector("q_d", "rad").checked("goal", [0.1, 0.2], MechanicalSystem(load_robot("pera_shoulder")))
+        array([0.1, 0.2])
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> Array:
         """Return the vector."""
@@ -88,7 +121,13 @@ class Vector(Parameter[ArrayLike, Array]):
 
 
 class PositiveVector(Parameter[ArrayLike, Array]):
-    """A number above zero for each joint; a scalar stands for all."""
+    """A number above zero for each joint; a scalar stands for all.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, PositiveVector, load_robot
+        >>> PositiveVector("v", "rad/s").checked("speed", 0.5, MechanicalSystem(load_robot("pera_shoulder")))
+        array([0.5, 0.5])
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> Array:
         """Return the vector."""
@@ -96,7 +135,13 @@ class PositiveVector(Parameter[ArrayLike, Array]):
 
 
 class Positive(Parameter[float, float]):
-    """A number above zero."""
+    """A number above zero.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Positive, load_robot
+        >>> Positive("κ", "1/s").checked("rate", 2, MechanicalSystem(load_robot("pera_gripper")))
+        2.0
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> float:
         """Return the number."""
@@ -104,7 +149,16 @@ class Positive(Parameter[float, float]):
 
 
 class NonNegative(Parameter[float, float]):
-    """A number that is not below zero."""
+    """A number that is not below zero.
+
+    Example:
+        >>> from phcontrol import InvalidArgumentError, MechanicalSystem, NonNegative, load_robot
+        >>> try:
+        ...     NonNegative("k").checked("rate", -1.0, MechanicalSystem(load_robot("pera_gripper")))
+        ... except InvalidArgumentError as error:
+        ...     print(error)
+        rate: must be >= 0, but is -1
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> float:
         """Return the number."""
@@ -112,7 +166,13 @@ class NonNegative(Parameter[float, float]):
 
 
 class Flag(Parameter[bool, bool]):
-    """True or False."""
+    """True or False.
+
+    Example:
+        >>> from phcontrol import Flag
+        >>> Flag("", default=False).default
+        False
+    """
 
     def check(self, name: str, value: Any, system: MechanicalSystem) -> bool:
         """Return the flag."""

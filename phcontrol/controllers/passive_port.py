@@ -9,7 +9,18 @@ from phcontrol.mechanics.state import MechanicalState
 
 
 class PassivePort(NamedTuple):
-    """How a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★)."""
+    """How a change of the torque reaches the storage function: Ḣ_d = … − dissipated_power + outputᵀ(u − u★).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.0, 0.0], stiffness=20.0, damping=5.0)
+        >>> x = system.at([0.1, 0.0], [0.2, -0.1])
+        >>> port = law.passive_port(0.0, x, np.zeros(0))
+        >>> np.allclose(port.output, x.velocity), bool(port.dissipated_power >= 5.0 * x.velocity @ x.velocity)
+        (True, True)
+    """
 
     output: Array
     """ŷ = Ḡᵀp̂, shape (n,) [rad/s]."""

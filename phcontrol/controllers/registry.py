@@ -138,6 +138,13 @@ CONTROLLERS: dict[str, Entry] = {
         minimum_joints=3,
     ),
 }
+"""Every law by its name.
+
+Example:
+    >>> from phcontrol import CONTROLLERS
+    >>> CONTROLLERS["force_feedback"].source
+    'Theorem 3.2.1, errata E8 to E11'
+"""
 
 
 def register(
@@ -259,6 +266,13 @@ def make_controller(
     The name is a registered one, that of a law of an installed package, or "my_module:MyLaw". Raises UnknownNameError
     for an unknown law or option, listing those that exist, InvalidArgumentError for an arm of too few joints, and what
     ``find_law`` raises.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, load_robot, make_controller
+        >>> system = MechanicalSystem(load_robot("ur5"))
+        >>> law = make_controller("force_feedback", system, bandwidth=6.0)  # [rad/s]
+        >>> law.name, law.stiffness.shape
+        ('force_feedback', (6, 6))
     """
     entry = find_law(name)
     if getattr(system, "n", entry.minimum_joints) < entry.minimum_joints:

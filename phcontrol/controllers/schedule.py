@@ -26,6 +26,15 @@ class Schedule(LawSequence):
 
     Args:
         steps: pairs (start time [s], law) in increasing order, the first at 0; all on one system.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, Schedule, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> first, then = EnergyShaping.tuned(system, [0.2, 0.0]), EnergyShaping.tuned(system, [0.0, 0.1])
+        >>> schedule = Schedule([(0.0, first), (2.0, then)])  # from when on [s]
+        >>> log = simulate(system, schedule, duration=5.0, dt=5e-3, q0=[0.0, 0.0])
+        >>> log.position[400].round(1), log.position[-1].round(2)
+        (array([0.2, 0. ]), array([0. , 0.1]))
     """
 
     name = "schedule"

@@ -17,6 +17,14 @@ class Shaping(NamedTuple):
 
     The adapted momentum is p̂ = p̄ + θ with θ = Tᵀs + ϑ, and the desired dynamics are
     p̂̇ = (J̄₂ − D̄)(p̄ + Tᵀs) + T⁻¹ effort + T⁻¹(f_e − cancelled_force).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import NOTHING, EnergyShaping, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.0, 0.0], stiffness=20.0, damping=5.0)
+        >>> law.shape(0.0, system.at([0.1, 0.0]), np.zeros(0), NOTHING).effort.shape
+        (2,)
     """
 
     effort: Array

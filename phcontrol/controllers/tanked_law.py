@@ -61,6 +61,11 @@ class TankedLaw(Controller):
     Args:
         actions: what the tank pays for: an ``Action``, or several.
         tank: its bounds and its level at the start.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, TankedLaw, with_tank
+        >>> issubclass(with_tank(EnergyShaping), TankedLaw), with_tank(EnergyShaping).name
+        (True, 'energy_shaping_with_tank')
     """
 
     actions: Parameter[Action | Sequence[Action], tuple[Action, ...]] = Parameter(

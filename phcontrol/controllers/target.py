@@ -53,6 +53,7 @@ class Target:
 
     Example:
         >>> import numpy as np
+        >>> from phcontrol import Target
         >>> target = Target.of({"error": (np.ones(1), np.ones(1)), "momentum": (np.zeros(1), np.zeros(1))},
         ...                    interconnection={("error", "momentum"): np.eye(1)})
         >>> target.interconnection

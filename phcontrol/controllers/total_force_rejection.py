@@ -27,6 +27,14 @@ class TotalForceRejection(EnergyShaping):
 
     Arguments and storage function are those of :class:`EnergyShaping`; there is no J̄₂ left to choose, so
     both interconnections are the same law.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, TotalForceRejection, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = TotalForceRejection(system, goal=[0.3, 0.2], stiffness=20.0, damping=5.0)
+        >>> log = simulate(system, law, duration=3.0, dt=5e-3, q0=[0.0, 0.0], disturbance=[1.0, 0.0])
+        >>> bool(abs(log.position[-1] - law.goal).max() < 1e-2)
+        True
     """
 
     name = "total_force_rejection"

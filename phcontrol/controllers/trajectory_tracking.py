@@ -63,6 +63,16 @@ class TrajectoryTracking(EnergyShaping):
         measured: whether the measured external force is cancelled (needs ``external_force``).
         hold: for how long each torque will be held [s].
         interconnection: "coriolis", "canonical" or "transformed".
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Sinusoid, TrajectoryTracking, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> swing = Sinusoid([0.3, 0.2], [0.5, 0.5])  # [rad], [Hz]
+        >>> law = TrajectoryTracking(system, trajectory=swing, stiffness=40.0, damping=8.0)
+        >>> start = swing.at(0.0)
+        >>> log = simulate(system, law, duration=1.0, q0=start.position, v0=start.velocity)
+        >>> bool(abs(log.position[-1] - swing.at(1.0).position).max() < 1e-6)  # [rad]
+        True
     """
 
     name = "tracking"

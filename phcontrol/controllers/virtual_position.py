@@ -12,7 +12,16 @@ from phcontrol.mechanics.system import MechanicalSystem, check_system
 
 
 class VirtualPosition(NamedTuple):
-    """Where a virtual spring must pull to, and what it then asks of the joints."""
+    """Where a virtual spring must pull to, and what it then asks of the joints.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot, virtual_position
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> found = virtual_position(system, "tool", [1.0, 0.0, 0.0], 40.0, contact=system.robot.home)
+        >>> np.allclose(40.0 * (found.position - system.robot.home), found.joint_force, atol=1e-6)
+        True
+    """
 
     position: Array
     """q_f, shape (n,) [rad]."""

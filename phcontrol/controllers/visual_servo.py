@@ -25,6 +25,8 @@ from phcontrol.vision.observed_object import ObservedObject
 from phcontrol.vision.pinhole_camera import PinholeCamera
 from phcontrol.vision.scene import Scene
 
+_SINGULAR = 1e-6  # ratio of singular values of the image Jacobian below which it is singular
+
 LOST = ("error", "hold")
 FEATURE_GOAL = (0.0, 0.0, 0.002)
 """τ_d by default [m]: in the middle of the image, 2 mm long (thesis section 5.4)."""
@@ -90,8 +92,17 @@ class VisualServo(Controller):
         self.frame = str(self.camera.frame)
         self._focal_length = self.camera.focal_length
         self._holds_posture = self.posture_gain > 0.0 and system.n > 3
+        self._check_regular()
         even = np.allclose(self.damping, self.damping[0, 0] * np.eye(system.n), rtol=1e-14, atol=0.0)
         self._even_damping = float(self.damping[0, 0]) if even else None
+
+    def _check_regular(self) -> None:
+        """Refuse a posture at which three features do not follow from how the joints move: it would not rest there."""
+        values = np.linalg.svd(self.view(self.system.at(self.posture), self.goal).image_jacobian, compute_uv=False)
+        if values[-1] < _SINGULAR * values[0]:
+            raise InvalidArgumentError(
+                "posture", f"the image Jacobian at the goal is singular there: name another one than {self.posture}"
+            )
 
     @classmethod
     def check_goal(cls, system: MechanicalSystem, goal: ArrayLike | None) -> Array:

@@ -31,7 +31,25 @@ class Touch(NamedTuple):
 
 
 class Body(ABC):
-    """Something in the way of an arm. Without hidden state: its state is integrated with the loop."""
+    """Something in the way of an arm. Without hidden state: its state is integrated with the loop.
+
+    Example:
+        >>> from phcontrol.environments.body import Touch
+        >>> import numpy as np
+        >>> from phcontrol import Body, JointContact, MechanicalSystem, load_robot
+        >>> class Wall(Body):  # a spring [N·m/rad] without losses, and without a state of its own
+        ...     def initial_state(self):
+        ...         return np.zeros(0)
+        ...     def touch(self, x, state):
+        ...         gap = self.geometry.gap(x)
+        ...         depth = max(0.0, -gap.distance)
+        ...         return Touch(20.0 * depth * gap.slope, np.zeros(0), 20.0 * depth, 10.0 * depth**2, 0.0)
+        ...     def fastest_rate(self, x):
+        ...         return 10.0
+        >>> wall = Wall(JointContact("gripper", 0.2))
+        >>> wall.touch(MechanicalSystem(load_robot("pera_gripper")).at([0.1]), wall.initial_state()).force  # [N·m]
+        array([2.])
+    """
 
     def __init__(self, geometry: ContactGeometry) -> None:
         self.geometry = geometry

@@ -32,6 +32,13 @@ class CompliantBody(Body):
         onset: depth over which the contact's damper sets in [m or rad].
         friction: μ of a fingertip that slides on it; 0 for none.
         slip_speed: below which that friction fades [m/s], see :class:`ContactFriction`.
+
+    Example:
+        >>> from phcontrol import CompliantBody, JointContact, MechanicalSystem, load_robot
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> egg = CompliantBody(JointContact("gripper", 0.20), stiffness=30.0, damping=0.5, mass=0.05)
+        >>> egg.state_size, egg.initial_state()
+        (2, array([0., 0.]))
     """
 
     def __init__(

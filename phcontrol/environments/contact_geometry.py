@@ -43,6 +43,13 @@ class JointContact:
         position: where contact begins [rad or m].
         side: "below" when the body is met as the joint coordinate decreases (a gripper that closes so),
             "above" when it is met as the coordinate increases.
+
+    Example:
+        >>> from phcontrol import JointContact, MechanicalSystem, load_robot
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> contact = JointContact("gripper", 0.20)  # touched from above, when the gripper closes
+        >>> round(contact.gap(gripper.at([0.30])).distance, 3), round(contact.gap(gripper.at([0.15])).distance, 3)
+        (0.1, -0.05)
     """
 
     def __init__(self, joint: str, position: float, side: str = "below") -> None:
@@ -77,6 +84,17 @@ class SphereContact:
         size: of the shape: a sphere's radius, a box's three edges [m].
         position: of the shape's origin in the world [m].
         rotation: of the shape in the world, shape (3, 3).
+
+    Example:
+        >>> import coal
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, SphereContact, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> floor = coal.Halfspace(np.array([0.0, 0.0, 1.0]), -2.0)  # 2 m below
+        >>> tip = SphereContact("tool", 0.01, floor)
+        >>> x = system.at(system.robot.home)
+        >>> bool(np.isclose(tip.gap(x).distance, x.placement("tool").translation[2] + 2.0 - 0.01))
+        True
     """
 
     def __init__(

@@ -20,7 +20,15 @@ from phcontrol.mechanics.state import MechanicalState
 
 
 class Disturbance(ABC):
-    """An external force f_e(t, x). Sums and multiples are disturbances too: ``2.0 * Step(...) + Sine(...)``."""
+    """An external force f_e(t, x). Sums and multiples are disturbances too: ``2.0 * Step(...) + Sine(...)``.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Pulse, Step, load_robot
+        >>> push = Step([1.0, 0.0], start=0.5) + 2.0 * Pulse([0.0, 1.0], start=0.5, duration=0.1)
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> push(0.55, system.at(system.robot.home))  # [N·m]
+        array([1., 2.])
+    """
 
     @abstractmethod
     def __call__(self, t: float, x: MechanicalState) -> Array:
@@ -72,7 +80,13 @@ class _Shaped(Disturbance):
 
 
 class Step(_Shaped):
-    """``force`` [N·m] from ``start`` [s] on."""
+    """``force`` [N·m] from ``start`` [s] on.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Step, load_robot
+        >>> Step([1.0], start=0.5)(0.6, MechanicalSystem(load_robot("pera_gripper")).at([0.0]))
+        array([1.])
+    """
 
     def __init__(self, force: ArrayLike, start: float = 0.0) -> None:
         super().__init__(force)
@@ -84,7 +98,13 @@ class Step(_Shaped):
 
 
 class Pulse(_Shaped):
-    """``force`` [N·m] from ``start`` for ``duration`` [s]."""
+    """``force`` [N·m] from ``start`` for ``duration`` [s].
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Pulse, load_robot
+        >>> Pulse([2.0], start=1.0, duration=0.5)(1.2, MechanicalSystem(load_robot("pera_gripper")).at([0.0]))
+        array([2.])
+    """
 
     def __init__(self, force: ArrayLike, start: float, duration: float) -> None:
         super().__init__(force)
@@ -96,7 +116,13 @@ class Pulse(_Shaped):
 
 
 class Sine(_Shaped):
-    """``force``·sin(2π·``frequency``·t + ``phase``), with amplitude [N·m], frequency [Hz], phase [rad]."""
+    """``force``·sin(2π·``frequency``·t + ``phase``), with amplitude [N·m], frequency [Hz], phase [rad].
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Sine, load_robot
+        >>> Sine([2.0], frequency=0.5)(0.5, MechanicalSystem(load_robot("pera_gripper")).at([0.0]))
+        array([2.])
+    """
 
     def __init__(self, force: ArrayLike, frequency: float, phase: float = 0.0) -> None:
         super().__init__(force)
@@ -112,6 +138,12 @@ class Sampled(Disturbance):
     """Forces from an array, shape (N, n) [N·m] at increasing ``times`` [s]; zero outside of them.
 
     ``interpolation`` is "linear" between samples, or "hold".
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, Sampled, load_robot
+        >>> push = Sampled([0.0, 1.0], [[0.0], [2.0]])  # [s], [N·m]
+        >>> push(0.5, MechanicalSystem(load_robot("pera_gripper")).at([0.0]))
+        array([1.])
     """
 
     def __init__(self, times: ArrayLike, forces: ArrayLike, interpolation: str = "linear") -> None:
@@ -147,6 +179,15 @@ class Wrench(Disturbance):
         wrench: F, shape (6,), or a function of time [s] that returns it.
         reference: the axes F is given in: "local" (the frame's), "local_world_aligned" (the world's,
             acting at the frame's origin) or "world".
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, Wrench, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> push = Wrench("tool", [0.0, 0.0, -5.0, 0.0, 0.0, 0.0])  # [N], [N·m], in the axes of the world
+        >>> x = system.at(system.robot.home)
+        >>> np.allclose(push(0.0, x), -5.0 * x.frame_jacobian("tool", "local_world_aligned")[2])
+        True
     """
 
     def __init__(

@@ -22,6 +22,12 @@ class GraspContact(JointContact):
         frame: the grip point's frame.
         reach: [m].
         side: as of :class:`JointContact`.
+
+    Example:
+        >>> from phcontrol import GraspContact
+        >>> contact = GraspContact("gripper", 0.2, centre=[0.5, 0.0, 0.4], frame="tool", reach=0.02)  # [rad], [m]
+        >>> contact.record()["kind"]
+        'joint'
     """
 
     def __init__(

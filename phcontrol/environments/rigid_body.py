@@ -22,6 +22,14 @@ class RigidBody(Body):
         onset: depth over which the damper sets in [m or rad].
         friction: μ of a fingertip that slides on it; 0 for none.
         slip_speed: below which that friction fades [m/s], see :class:`ContactFriction`.
+
+    Example:
+        >>> from phcontrol import JointContact, MechanicalSystem, RigidBody, load_robot
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"))
+        >>> ball = RigidBody(JointContact("gripper", 0.20), stiffness=20.0, damping=0.5)
+        >>> touch = ball.touch(gripper.at([0.10]), ball.initial_state())  # 0.1 rad into it
+        >>> touch.force.round(2), round(touch.magnitude, 2), round(touch.stored, 3)  # [N·m], [N·m], [J]
+        (array([2.]), 2.0, 0.1)
     """
 
     def __init__(

@@ -26,7 +26,14 @@ _SHORT = 10.0  # below which a motion is one period, not two [s]
 
 @dataclass(frozen=True)
 class ExcitingTrajectory:
-    """A trajectory that tells parameters, and how well: a Fourier series that begins and ends at rest."""
+    """A trajectory that tells parameters, and how well: a Fourier series that begins and ends at rest.
+
+    Example:
+        >>> from phcontrol import exciting_trajectory, load_robot
+        >>> found = exciting_trajectory(load_robot("pera_shoulder"), what=("viscous",), duration=8.0, candidates=10)
+        >>> found.duration, found.condition <= found.first_condition, max(found.used.values()) <= 0.8 + 1e-9
+        (8.0, True, True)
+    """
 
     series: FourierSeries
     duration: float

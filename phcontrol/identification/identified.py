@@ -49,7 +49,20 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Identification:
-    """The result of :func:`identify`. ``robot`` goes wherever an arm does; ``str()`` is a report."""
+    """The result of :func:`identify`. ``robot`` goes wherever an arm does; ``str()`` is a report.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, exciting_trajectory, identify, load_robot, make_controller
+        >>> from phcontrol import simulate
+        >>> robot = load_robot("pera_shoulder")
+        >>> system = MechanicalSystem(robot)
+        >>> motion = exciting_trajectory(robot, what=("viscous",), duration=8.0, candidates=10)
+        >>> law = make_controller("tracking", system, trajectory=motion)
+        >>> log = simulate(system, law, duration=8.0, dt=4e-3)
+        >>> found = identify([log], ["viscous"], model=system)
+        >>> bool(abs(found.robot.friction.viscous - robot.friction.viscous).max() < 1e-3)  # [N·m·s/rad]
+        True
+    """
 
     robot: Robot
     """The arm with what was identified: payload, friction, rotors and offsets."""

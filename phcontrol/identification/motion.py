@@ -17,7 +17,16 @@ _UNEVEN = 1e-3  # part of a period by which samples may be off
 
 @dataclass(frozen=True)
 class Motion:
-    """Samples of an arm's motion at equal distances of time; of a log, or of measurements (:meth:`of`)."""
+    """Samples of an arm's motion at equal distances of time; of a log, or of measurements (:meth:`of`).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Motion
+        >>> t = np.linspace(0.0, 1.0, 101)
+        >>> motion = Motion.of(t, *np.zeros((3, 101, 2)))  # q, q̇ and torques of two joints
+        >>> motion.period, motion.held
+        (0.01, True)
+    """
 
     time: Array
     """Shape (N,) [s]."""

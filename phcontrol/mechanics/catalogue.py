@@ -136,7 +136,12 @@ def _find_example(name: str, loader: Any) -> Description:
     if not loader.urdf_filename:
         raise RobotDescriptionError(f"{name}: is described by SDF, not URDF")
     relative = Path(loader.path, loader.urdf_subpath, loader.urdf_filename)
-    root = Path(getModelPath(str(relative)))
+    try:
+        root = Path(getModelPath(str(relative)))
+    except OSError as error:
+        raise RobotDescriptionError(
+            f"{name}: its files are not installed: pip install example-robot-data brings them ({error})"
+        ) from error
     semantic = root / loader.path / loader.srdf_subpath / loader.srdf_filename if loader.srdf_filename else None
     posture = homes().get(name)
     return Description(

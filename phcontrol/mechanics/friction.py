@@ -25,7 +25,13 @@ class Friction(Protocol):
 
 @runtime_checkable
 class DeclaredFriction(Friction, Protocol):
-    """A friction d(w)w = F_v w + s(w) that says what its dry part s, odd and opposed to w, can be."""
+    """A friction d(w)w = F_v w + s(w) that says what its dry part s, odd and opposed to w, can be.
+
+    Example:
+        >>> from phcontrol import DeclaredFriction, StribeckFriction
+        >>> isinstance(StribeckFriction(coulomb=0.2), DeclaredFriction)
+        True
+    """
 
     viscous: Array
     """F_v, one for all joints or one each [N·m·s/rad]."""
@@ -48,6 +54,13 @@ class StribeckFriction:
         static: F_s [N·m], not below ``coulomb``; by default equal to it (no Stribeck effect).
         stribeck_velocity: q̇_s [rad/s].
         smoothing: α_f [rad²/s²]; the smaller, the steeper the friction torque around rest.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, StribeckFriction, load_robot
+        >>> friction = StribeckFriction(viscous=0.5, coulomb=0.2)  # [N·m·s/rad], [N·m]
+        >>> x = MechanicalSystem(load_robot("pera_gripper"), friction=friction).at([0.0], [1.0])
+        >>> x.friction_torque.round(3)  # F_v q̇ + F_c [N·m]
+        array([0.7])
     """
 
     def __init__(

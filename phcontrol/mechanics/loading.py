@@ -66,6 +66,11 @@ def load_robot(
         UnknownNameError: no robot or joint of that name; lists those that exist.
         RobotDescriptionError: unreadable, broken or impossible description, floating base, or a mass matrix that is
             not positive definite.
+
+    Example:
+        >>> from phcontrol import load_robot
+        >>> load_robot("ur5").n, load_robot("panda", locked_joints=["panda_finger_joint1", "panda_finger_joint2"]).n
+        (6, 7)
     """
     description = find(source)
     for directory in sequence("package_directories", package_directories, "paths"):

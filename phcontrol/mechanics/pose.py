@@ -14,6 +14,7 @@ class Pose(NamedTuple):
     """The pose of a frame in the world. Wherever one is taken, ``pin.SE3`` does as well.
 
     >>> import numpy as np
+    >>> from phcontrol import Pose
     >>> Pose(np.array([0.4, 0.0, 0.3]), np.eye(3)).translation
     array([0.4, 0. , 0.3])
     """

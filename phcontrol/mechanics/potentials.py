@@ -38,6 +38,13 @@ class GripperSpring:
         opening_stiffness: k_g2 [N·m/rad].
         rest_angle: c_g [rad].
         smoothing: a_f [rad²].
+
+    Example:
+        >>> from phcontrol import GripperSpring, MechanicalSystem, load_robot
+        >>> spring = GripperSpring(closing_stiffness=0.6, opening_stiffness=0.3, rest_angle=0.1, smoothing=0.01)
+        >>> gripper = MechanicalSystem(load_robot("pera_gripper"), potentials=[spring])
+        >>> gripper.at([0.1]).potential_gradient.round(3)  # at its rest angle [N·m]
+        array([-0.042])
     """
 
     def __init__(
@@ -120,6 +127,7 @@ class ConstantTorque:
         torque: τ, shape (n,) [N·m].
 
     >>> import numpy as np
+    >>> from phcontrol import ConstantTorque
     >>> ConstantTorque([1.0, -2.0]).gradient(np.zeros(2))
     array([ 1., -2.])
     """

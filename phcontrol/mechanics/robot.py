@@ -48,6 +48,12 @@ class Robot:
     continuous joint is one angle too, and errors in it are wrapped to (-π, π]. ``model`` is the
     Pinocchio model; it has more coordinates than n only where mimic joints follow others
     (``coupling``). Make one with :func:`phcontrol.load_robot`.
+
+    Example:
+        >>> from phcontrol import load_robot
+        >>> robot = load_robot("pera_shoulder")
+        >>> robot.n, robot.joint_names, robot.position({robot.joint_names[0]: 0.2})
+        (2, ('shoulder_pitch', 'shoulder_roll'), array([0.2, 0. ]))
     """
 
     name: str

@@ -68,6 +68,15 @@ class MechanicalState:
 
     Made by ``MechanicalSystem.at``. SI units; forces are generalised [N·m]. The arrays belong to the
     state: do not write to them.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot
+        >>> x = MechanicalSystem(load_robot("pera_shoulder")).at([0.3, 0.2], [0.1, -0.2])
+        >>> np.allclose(x.kinetic_energy, 0.5 * x.velocity @ x.mass_matrix @ x.velocity)
+        True
+        >>> np.allclose(x.mass_matrix_rate, x.coriolis_matrix + x.coriolis_matrix.T)
+        True
     """
 
     def __init__(self, system: Plant, position: Array, velocity: Array) -> None:

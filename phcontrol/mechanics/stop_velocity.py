@@ -25,6 +25,8 @@ class StopVelocity:
         offset: o ≥ 0, one or one each joint [rad/s]; [m/s] of a prismatic joint.
         deceleration: a > 0 likewise [rad/s²]; ∞ where a joint has no such limit.
 
+    >>> import numpy as np
+    >>> from phcontrol import StopVelocity
     >>> limit = StopVelocity(offset=0.3, deceleration=6.0)
     >>> limit.upper(np.array([2.7501 - 0.5]), np.array([2.7501]))  # half a radian in front of the stop
     array([2.14948974])

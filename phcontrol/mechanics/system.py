@@ -49,6 +49,13 @@ class MechanicalSystem:
         gravity: acceleration of gravity in the world frame [m/s²].
 
     One system serves one thread: states made by it share a workspace.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, StribeckFriction, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"), friction=StribeckFriction(viscous=0.2))
+        >>> x = system.at([0.3, 0.2], [0.1, -0.2])
+        >>> system.n, x.friction_torque  # [N·m]
+        (2, array([ 0.02, -0.04]))
     """
 
     def __init__(

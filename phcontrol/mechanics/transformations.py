@@ -23,7 +23,18 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class CanonicalCheck:
-    """What was found at random points of (q, p, t)."""
+    """What was found at random points of (q, p, t).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, check_canonical_transformation, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> nothing, no_input = lambda q, p, t: 0.0, lambda q, p, t: np.zeros(2)
+        >>> check = check_canonical_transformation(unit_mass, nothing, no_input, system, samples=3)
+        >>> check.samples, check.passed, check.residual < 1e-6
+        (3, True, True)
+    """
 
     samples: int
     residual: float
@@ -39,7 +50,17 @@ class CanonicalCheck:
 
 @dataclass(frozen=True)
 class PassivityCheck:
-    """What was found of Theorem 2.2.2 at random points of (q, p, t)."""
+    """What was found of Theorem 2.2.2 at random points of (q, p, t).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, check_transformed_passivity, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> found = check_transformed_passivity(unit_mass, lambda q, p, t: 50.0, system, samples=3)
+        >>> found.samples, found.residual < 1e-6
+        (3, True)
+    """
 
     samples: int
     growth: float
@@ -85,6 +106,18 @@ def check_canonical_transformation(
 
     Raises InvalidArgumentError for a Φ whose coordinates do not determine (q, p), a K that is not skew, and an S that
     is not symmetric.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, check_canonical_transformation, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> stretched = lambda q, p, t: np.concatenate([2.0 * q, system.at(q).solve_factor(p)])
+        >>> nothing, no_input = lambda q, p, t: 0.0, lambda q, p, t: np.zeros(2)
+        >>> check_canonical_transformation(unit_mass, nothing, no_input, system, samples=3).passed
+        True
+        >>> check_canonical_transformation(unit_mass, lambda q, p, t: q @ q, no_input, system, samples=3).passed
+        False
     """
     found = list(
         _points(transformation, energy_change, input_change, system, interconnection_change, dissipation_change,
@@ -112,6 +145,14 @@ def check_transformed_passivity(
     ``residual`` and (2.30) only. Where (2.25) holds it is −∂H̄ᵀ(R + S)∂H̄ and what H̄ grows by with time.
 
     Arguments are those of :func:`check_canonical_transformation`; without ``input_change`` β is that of (2.25).
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, check_transformed_passivity, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> check_transformed_passivity(unit_mass, lambda q, p, t: 50.0, system, samples=3).passed  # U = 50 J
+        True
     """
     found = list(
         _points(transformation, energy_change, input_change, system, interconnection_change, dissipation_change,

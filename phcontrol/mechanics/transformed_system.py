@@ -28,7 +28,18 @@ _DEGENERATE = 1e-8  # smallest singular value of ∂Φ/∂(q, p) with columns of
 
 @dataclass(frozen=True)
 class TransformedSystem:
-    """x̄̇ = (J̄ − R̄)∂H̄/∂x̄ + ḡ(u + β), ȳ = ḡᵀ∂H̄/∂x̄ = y + α at one (q, p, t): Theorems 2.2.1 and 2.2.2."""
+    """x̄̇ = (J̄ − R̄)∂H̄/∂x̄ + ḡ(u + β), ȳ = ḡᵀ∂H̄/∂x̄ = y + α at one (q, p, t): Theorems 2.2.1 and 2.2.2.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot, transformed_system
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> x = system.at([0.3, 0.2], [0.1, 0.0])
+        >>> found = transformed_system(unit_mass, lambda q, p, t: 0.0, system, x.position, x.momentum)
+        >>> np.allclose(found.interconnection, -found.interconnection.T, atol=1e-6), found.residual < 1e-6
+        (True, True)
+    """
 
     coordinates: Array
     """x̄ = Φ, shape (2n,) (2.21)."""
@@ -103,6 +114,16 @@ def transformed_system(
 
     Raises InvalidArgumentError for a Φ whose coordinates do not determine (q, p), a K that is not skew, and an S that
     is not symmetric.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot, transformed_system
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> unit_mass = lambda q, p, t: np.concatenate([q, system.at(q).solve_factor(p)])
+        >>> x = system.at([0.3, 0.2], [0.1, 0.0])
+        >>> found = transformed_system(unit_mass, lambda q, p, t: 0.0, system, x.position, x.momentum)
+        >>> bool(np.isclose(found.storage, x.energy)), found.residual < 1e-6
+        (True, True)
     """
     n = system.n
     inertia = system.at(position)

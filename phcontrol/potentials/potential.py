@@ -33,6 +33,14 @@ class Potential(ABC):
     **Goals.** Every method takes a ``goal`` in place of the potential's own, for laws that follow a reference. What
     may be given is said by ``follows``. A ``Sum`` hands a goal to those terms that follow its kind; the others keep
     their own. To a single potential only give what it follows: nothing is checked within a control step.
+
+    Example:
+        >>> from phcontrol import JointForce, JointSpring, MechanicalSystem, Potential, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> both = JointSpring([0.0, 0.0], 20.0) + JointForce([1.0, 0.0])
+        >>> x = system.at([0.1, 0.0])
+        >>> isinstance(both, Potential), both.gradient(x)
+        (True, array([3., 0.]))
     """
 
     @property

@@ -121,7 +121,7 @@ def run_cartesian(
     start = system.robot.near_home()
     if issubclass(kind, CartesianTracking):
         chosen["path"] = _path(system, hand, start, path)
-    law = kind.tuned(system, start, interconnection=interconnection, **chosen)
+    law = kind.tuned(system, interconnection=interconnection, **chosen)  # about a posture near home, as start
     assert isinstance(law, CartesianLaw)
     if issubclass(kind, CartesianTracking):
         start = law.rest_posture(0.0)

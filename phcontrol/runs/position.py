@@ -41,6 +41,9 @@ LEADING = {"reference", "potential"}
 ON_LIMIT = 1e-6
 """How far beyond a limit a run still counts as on it, relative to the limit (or to 1): what integrating may add."""
 
+STILL = 1e-9
+"""How far joints may go in a run in which nothing moved [rad]."""
+
 LONGEST_STEP, SHORTEST_STEP = 1e-3, 1e-4
 """Steps of the integrator that are chosen on their own [s]."""
 
@@ -125,7 +128,7 @@ class PositionRun:
         follows = [] if self.limits is None else [
             f"  error on the way   {self.errors.max():.2e} rad at most, "
             f"{self.errors[len(log) // 2 :].max():.2e} rad in the second half",
-            *(f"  {line}" for line in str(self.limits).splitlines()),
+            *self._asked(self.limits),
         ]  # fmt: skip
         return "\n".join(
             [
@@ -140,10 +143,27 @@ class PositionRun:
                 f"  limits             {'kept' if not departures else 'LEFT: ' + '; '.join(departures)}",
                 f"  real-time factor   {self.real_time_factor:.1f} ({log.time[-1]:g} s in {self.wall_time:.2f} s, "
                 f"steps of {1e3 * log.metadata['dt']:.3g} ms)",
+                *(
+                    []
+                    if self.moved
+                    else ["  note               nothing moved: the arm began where it should be, unpushed"]
+                ),
                 "",
                 str(self.certificate),
             ]
         )
+
+    @property
+    def moved(self) -> bool:
+        """Whether the arm moved at all, beyond rounding."""
+        return float(np.abs(self.log.position - self.log.position[0]).max()) > STILL
+
+    @staticmethod
+    def _asked(report: LimitReport) -> list[str]:
+        """Return whether what the law is led along keeps the limits, in words."""
+        if report.kept:
+            return ["  asked of it        within the limits of position, velocity and torque"]
+        return [f"  asked of it        {line}" for line in str(report).splitlines()]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``summary`` says, for JSON."""

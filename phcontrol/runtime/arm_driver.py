@@ -18,7 +18,14 @@ Pace = Literal["clock", "read", "write"]
 
 
 class Reading(NamedTuple):
-    """What an arm reports."""
+    """What an arm reports.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Reading
+        >>> Reading(np.zeros(2), np.zeros(2), age=1e-3).torque is None
+        True
+    """
 
     position: Array
     """q, shape (n,) [rad]."""
@@ -51,6 +58,22 @@ class ArmDriver(Protocol):
         (a simulated one) is not taken for one that lost them;
         "write": the plant's; each ``write`` lets a period pass, as fast as it can be computed (simulators). The
         loop's ``clock`` must show that time, or it takes a slow computer for gaps.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ControlLoop, EnergyShaping, MechanicalSystem, Reading, drive, load_robot
+        >>> class Idle:  # an arm that stands still, whatever it is told
+        ...     gravity, pace = "controller", "write"
+        ...     now, torque = 0.0, np.zeros(2)
+        ...     def read(self):
+        ...         return Reading(np.zeros(2), np.zeros(2))
+        ...     def write(self, torque):
+        ...         self.now, self.torque = self.now + 1e-3, torque
+        >>> system, arm = MechanicalSystem(load_robot("pera_shoulder")), Idle()
+        >>> law = EnergyShaping(system, goal=[0.1, 0.0], stiffness=20.0, damping=5.0)
+        >>> drive(ControlLoop(system, law, 1e-3, clock=lambda: arm.now, deadline=1.0), arm, 0.7)
+        >>> (arm.torque - system.at([0.0, 0.0]).potential_gradient).round(2)  # 20 N·m/rad times 0.1 rad
+        array([2., 0.])
     """
 
     gravity: Gravity
@@ -92,6 +115,17 @@ def drive(
         InvalidArgumentError: what is given is no loop or no driver, the driver does not say who carries the weight, or
             whose time it is, or the duration has too many periods.
         ArmError: the arm stopped by itself.
+
+    Example:
+        >>> from phcontrol import ControlBox, ControlLoop, EnergyShaping, MechanicalSystem, SimulatedArm, drive
+        >>> from phcontrol import load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> box = ControlBox(system, position=[0.0, 0.0])
+        >>> law = EnergyShaping.tuned(system, [0.1, 0.0])
+        >>> loop = ControlLoop(system, law, 1e-3, clock=lambda: box.time, deadline=1.0)
+        >>> drive(loop, SimulatedArm(box), 1.0)
+        >>> round(box.time, 3)  # [s]
+        1.0
     """
     instance("loop", loop, ControlLoop)
     if each_step is not None and not callable(each_step):

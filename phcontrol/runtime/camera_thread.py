@@ -29,6 +29,20 @@ class CameraThread:
             none came in time.
         detector: finds the object.
         camera: what took the images.
+
+    Example:
+        >>> import time
+        >>> import numpy as np
+        >>> from phcontrol import CameraThread, ColourDetector, PinholeCamera
+        >>> def grab():  # an image and when it was taken; here a dark one
+        ...     time.sleep(0.01)
+        ...     return np.zeros((48, 64, 3), np.uint8), 0.0
+        >>> camera = PinholeCamera(image_size=(64, 48), field_of_view=1.0)
+        >>> with CameraThread(grab, ColourDetector(), camera) as source:
+        ...     time.sleep(0.5)
+        ...     frames = source.frames()
+        >>> len(frames) > 0, frames[0].features is None
+        (True, True)
     """
 
     def __init__(

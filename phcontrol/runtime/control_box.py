@@ -35,6 +35,17 @@ class ControlBox:
         damping: of its own braking [N·m·s/rad]; by default what stops M(home)'s diagonal in 0.05 s.
         disturbance: f_e, a function of time and state, or None.
         gravity: "controller" for motors that do what they are sent, "robot" for a box that adds G⁻¹g(q) itself.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ControlBox, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> box = ControlBox(system, period=1e-3)
+        >>> box.command(1, system.at(system.robot.home).potential_gradient)  # [N·m]: its weight
+        True
+        >>> box.advance()
+        >>> bool(np.abs(box.reading().velocity).max() < 1e-9), box.time
+        (True, 0.001)
     """
 
     def __init__(

@@ -96,6 +96,17 @@ class ControlLoop:
         gravity: "controller" for an arm whose motors do what they are sent, "robot" for one that adds its own weight
             (Franka, UR, KUKA); ``drive`` sets what the driver says.
         clock: what time is read from [s]. One that does not tell it, or fails, stops the loop for good.
+
+    Example:
+        >>> from phcontrol import ControlBox, ControlLoop, EnergyShaping, MechanicalSystem, SimulatedArm, drive
+        >>> from phcontrol import load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system, [0.1, 0.0])
+        >>> box = ControlBox(system, period=1e-3, position=[0.0, 0.0])
+        >>> loop = ControlLoop(system, law, 1e-3, clock=lambda: box.time, deadline=1.0)
+        >>> drive(loop, SimulatedArm(box), 4.0)
+        >>> loop.mode.name, box.reading().position.round(3)
+        ('RUNNING', array([0.1, 0. ]))
     """
 
     def __init__(

@@ -72,6 +72,14 @@ class FrankaArm:
         PHControlError: pylibfranka is not installed.
         InvalidArgumentError: the model is not of such an arm.
         ArmError: on entering, no robot answers or it is not ready; later, it stopped by itself.
+
+    Example:
+        >>> from phcontrol import FrankaArm, InvalidArgumentError, MechanicalSystem, load_robot
+        >>> try:
+        ...     FrankaArm("172.16.0.2", MechanicalSystem(load_robot("ur5")))
+        ... except InvalidArgumentError as error:
+        ...     print(str(error)[:7])  # the model is not of such an arm
+        system:
     """
 
     gravity: Gravity = "robot"

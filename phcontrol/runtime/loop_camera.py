@@ -16,7 +16,13 @@ from phcontrol.vision.pinhole_camera import PinholeCamera
 
 
 class SeenFrame(NamedTuple):
-    """What was found in one image."""
+    """What was found in one image.
+
+    Example:
+        >>> from phcontrol import SeenFrame
+        >>> SeenFrame(taken=0.1, features=None).features is None  # an image in which the object was not found
+        True
+    """
 
     taken: float
     """When the image was taken, on the loop's clock [s]."""
@@ -47,6 +53,19 @@ class LoopCamera:
         object_length: L [m].
         patience: how old the newest frame that shows the object may be [s].
         memory: for how long it is known where the hand was [s].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import LoopCamera, PinholeCamera, SeenFrame, load_robot
+        >>> class Still:  # one frame, taken at 0 s
+        ...     waiting = [SeenFrame(0.0, np.array([0.001, 0.0, 0.0025]))]
+        ...     def frames(self):
+        ...         found, self.waiting = self.waiting, []
+        ...         return found
+        >>> robot = load_robot("pera")
+        >>> camera = LoopCamera(Still(), PinholeCamera(), robot, object_length=0.04)
+        >>> camera.features(0.0, robot.home).round(6), camera.features(0.5, robot.home)  # then seen too long ago
+        (array([0.001 , 0.    , 0.0025]), array([nan, nan, nan]))
     """
 
     def __init__(

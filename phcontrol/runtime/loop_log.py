@@ -55,6 +55,19 @@ class LoopLog:
     Raises:
         InvalidArgumentError: what is given is no loop, or no duration.
         PHControlError: another LoopLog writes this file, or there is no room for it.
+    Example:
+        >>> import tempfile
+        >>> from phcontrol import ControlBox, ControlLoop, EnergyShaping, LoopLog, MechanicalSystem
+        >>> from phcontrol import SimulatedArm, drive, load_robot, read_loop_log
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> box = ControlBox(system)
+        >>> loop = ControlLoop(system, EnergyShaping.tuned(system), 1e-3, clock=lambda: box.time, deadline=1.0)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with LoopLog(folder + "/run.loop", loop, duration=1.0) as log:
+        ...         drive(loop, SimulatedArm(box), 0.2, each_step=log)
+        ...     kept = read_loop_log(folder + "/run.loop")
+        >>> kept.column("torque").shape
+        (200, 2)
     """
 
     def __init__(self, path: str | os.PathLike[str], loop: ControlLoop, duration: float = 600.0) -> None:
@@ -187,7 +200,16 @@ def _head(text: bytes, width: int, rows: int) -> bytes:
 
 
 class LoopRecord(Exported):
-    """What a :class:`LoopLog` kept, oldest row first."""
+    """What a :class:`LoopLog` kept, oldest row first.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import LoopRecord
+        >>> about = {"robot": "arm", "joints": ["elbow"], "places": {"time": [1, 2], "torque": [2, 3]}}
+        >>> kept = LoopRecord(about, np.array([[1.0, 0.0, 0.2], [2.0, 1e-3, 0.3]]))
+        >>> kept.time, kept.column("torque")[:, 0]
+        (array([0.   , 0.001]), array([0.2, 0.3]))
+    """
 
     def __init__(self, about: dict[str, Any], table: Array) -> None:
         self.about = about
@@ -242,6 +264,14 @@ def read_loop_log(path: str | os.PathLike[str]) -> LoopRecord:
     """Return what a loop's log has kept, while it is written or after, however the loop's process ended.
 
     Raises DataFileError where the file is none, is cut off, or is not as it was written.
+
+    Example:
+        >>> from phcontrol import DataFileError, read_loop_log
+        >>> try:
+        ...     read_loop_log("no_such.loop")
+        ... except DataFileError as error:
+        ...     print("refused:", "no_such.loop" in str(error))
+        refused: True
     """
     file_path("path", path)
     try:

@@ -6,7 +6,15 @@ from enum import IntEnum
 
 
 class LoopMode(IntEnum):
-    """What a control loop is doing."""
+    """What a control loop is doing.
+
+    Example:
+        >>> from phcontrol import ControlLoop, EnergyShaping, LoopMode, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> loop = ControlLoop(system, EnergyShaping.tuned(system), 1e-3)
+        >>> loop.mode is LoopMode.WAITING, [mode.name for mode in LoopMode]
+        (True, ['WAITING', 'STARTING', 'RUNNING', 'STOPPING', 'STOPPED'])
+    """
 
     WAITING = 0
     """No reading yet: no torque."""

@@ -55,6 +55,15 @@ class MujocoArm:
         PHControlError: MuJoCo is not installed.
         RobotDescriptionError: MuJoCo cannot read the file.
         InvalidArgumentError: the joints are not those of the robot.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, MujocoArm, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"), friction=None)
+        >>> arm = MujocoArm(system, period=1e-3)
+        >>> arm.write(system.at(arm.read().position).potential_gradient)  # [N·m]: its weight
+        >>> bool(np.abs(arm.read().velocity).max() < 1e-6)
+        True
     """
 
     pace: Pace = "write"

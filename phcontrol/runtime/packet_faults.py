@@ -25,6 +25,13 @@ class PacketFaults(Generic[Packet]):
         duplicates: the share that arrives twice, the second time with another jitter.
         outages: (start, length) pairs in which everything is lost [s].
         seed: of the random numbers.
+
+    Example:
+        >>> from phcontrol import PacketFaults
+        >>> network = PacketFaults(loss=0.0, delay=0.01)  # [s]
+        >>> network.send(0.0, "first")
+        >>> network.receive(0.005), network.receive(0.02)
+        ([], ['first'])
     """
 
     def __init__(

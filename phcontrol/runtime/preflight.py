@@ -35,7 +35,14 @@ class Finding(NamedTuple):
 
 
 class Preflight(NamedTuple):
-    """What was found, and how well the period was kept."""
+    """What was found, and how well the period was kept.
+
+    Example:
+        >>> from phcontrol import preflight
+        >>> found = preflight(period=2e-3, duration=0.2)
+        >>> found.periods, isinstance(found.keeps_the_period, bool)
+        (100, True)
+    """
 
     findings: list[Finding]
     """The computer: clock, kernel, scheduler, cores."""
@@ -90,6 +97,11 @@ def preflight(period: float = 1e-3, duration: float = 5.0) -> Preflight:
     Args:
         period: of the loop to come [s], 10 µs at least.
         duration: of the trial [s], a hundred periods at least, and an hour at most.
+
+    Example:
+        >>> from phcontrol import preflight
+        >>> preflight(period=2e-3, duration=0.2).periods
+        100
     """
     wanted = number("period", period, minimum=_SHORTEST, maximum=0.01 * _LONGEST)
     tried = number("duration", duration, minimum=100 * wanted, maximum=_LONGEST)

@@ -44,6 +44,12 @@ class RealTime:
         cores: what it may run on, best one that the kernel leaves alone (isolcpus); None leaves it.
         freeze_gc: take all objects there are out of Python's garbage collection, after a last one: a later collection
             looks at what came since only.
+
+    Example:
+        >>> from phcontrol import RealTime
+        >>> with RealTime() as asked:  # asks for nothing
+        ...     print(asked.all_took_effect)
+        True
     """
 
     def __init__(

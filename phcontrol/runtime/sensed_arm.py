@@ -24,6 +24,15 @@ class SensedArm:
         sensor: with its offset and tool.
         read: returns the sensor's newest reading, shape (6,) [N, N·m], without waiting; None where there is none: then
             the force counts as not measured.
+
+    Example:
+        >>> from phcontrol import ControlBox, MechanicalSystem, SensedArm, SimulatedArm, WristSensor, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> sensor = WristSensor(system, "tool")
+        >>> read = lambda: [0.0, 0.0, -2.0, 0.0, 0.0, 0.0]  # [N], [N·m]: what your sensor's program returns
+        >>> arm = SensedArm(SimulatedArm(ControlBox(system)), sensor, read)
+        >>> arm.read().measured.external_force.shape
+        (7,)
     """
 
     def __init__(self, arm: ArmDriver, sensor: WristSensor, read: Callable[[], ArrayLike | None]) -> None:

@@ -21,6 +21,13 @@ class SimulatedArm:
         box: the arm.
         readings: what happens to readings on their way; nothing by default.
         commands: what happens to torques on their way.
+
+    Example:
+        >>> from phcontrol import ControlBox, MechanicalSystem, SimulatedArm, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> arm = SimulatedArm(ControlBox(system, position=[0.1, 0.0]))
+        >>> arm.read().position, arm.gravity, arm.pace
+        (array([0.1, 0. ]), 'controller', 'write')
     """
 
     pace: Pace = "write"

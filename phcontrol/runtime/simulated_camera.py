@@ -23,6 +23,16 @@ class SimulatedCamera:
         rate: frames in a second [1/s].
         latency: [s]; by default one frame.
         seed: of the view's noise.
+
+    Example:
+        >>> from phcontrol import ControlBox, MechanicalSystem, ObservedObject, PinholeCamera, RenderedView
+        >>> from phcontrol import Renderer, SimulatedCamera, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> camera = PinholeCamera(image_size=(320, 240), field_of_view=1.2).mounted_on(system.robot)
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.001, 0.0025], system.at(system.robot.home))
+        >>> frames = SimulatedCamera(ControlBox(system), camera, RenderedView(Renderer(thing)), latency=0.0).frames()
+        >>> len(frames), frames[0].taken
+        (1, 0.0)
     """
 
     def __init__(

@@ -89,6 +89,14 @@ class UdpArm:
         period: of readings [s].
         faults: arguments of :class:`PacketFaults`, for both ways.
         box: more arguments of :class:`ControlBox`.
+
+    Example:
+        >>> from phcontrol import InvalidArgumentError, MechanicalSystem, UdpArm, load_robot
+        >>> try:
+        ...     UdpArm(lambda: MechanicalSystem(load_robot("pera_shoulder")), duration=-1.0)
+        ... except InvalidArgumentError as error:
+        ...     print(error)  # examples/hardware_loop.py drives one
+        duration: must be > 0, but is -1
     """
 
     pace: Pace = "clock"

@@ -60,6 +60,14 @@ class URArm:
         PHControlError: ur_rtde is not installed.
         InvalidArgumentError: the model is not of such an arm.
         ArmError: no robot answers, it is not running, or it stopped.
+
+    Example:
+        >>> from phcontrol import InvalidArgumentError, MechanicalSystem, URArm, load_robot
+        >>> try:
+        ...     URArm("192.168.0.2", MechanicalSystem(load_robot("pera")))
+        ... except InvalidArgumentError as error:
+        ...     print(str(error)[:7])  # the model is not of such an arm
+        system:
     """
 
     gravity: Gravity = "robot"

@@ -6,7 +6,18 @@ from enum import IntEnum
 
 
 class FilterStatus(IntEnum):
-    """How a torque was found."""
+    """How a torque was found.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, FilterStatus, MechanicalSystem, TorqueFilter, load_robot
+        >>> from phcontrol import simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> guard = TorqueFilter(system, period=1e-3)
+        >>> law = EnergyShaping.tuned(system, system.robot.home)
+        >>> log = simulate(system, law, duration=0.05, torque_filter=guard)  # at rest: nothing to be changed
+        >>> {FilterStatus(status).name for status in log.filter_activity["status"]}
+        {'PASSED'}
+    """
 
     PASSED = 0
     """The law's torque, unchanged."""

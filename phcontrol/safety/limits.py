@@ -63,6 +63,14 @@ class Limits:
             inside the limits; less where a limited torque rate builds it up too slowly.
         braking_jerk: j [rad/s³], ∞ without a torque rate; by default the largest, likewise, with which all joints can
             change their accelerations at once within 80 % of the torque rate, while the load changes as it does.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Limits, MechanicalSystem, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> limits = Limits(system, position_margin=0.01, velocity_margin=0.1)  # [rad], a tenth
+        >>> np.allclose(limits.velocity, 0.9 * system.robot.velocity_limit)
+        True
     """
 
     def __init__(

@@ -22,6 +22,15 @@ class StorageCondition(NamedTuple):
 
     at the beginning Ḣ_d = ŷᵀΔ − d, and then the velocity that the torques GΔ − r act on changes by κ. Since
     κ = κ★ + EΔ, P is a convex parabola in u. The condition is P(u) ≤ max(0, P(u★)); u★ itself always meets it.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, StorageCondition, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping(system, goal=[0.0, 0.0], stiffness=20.0, damping=5.0)
+        >>> port = law.passive_port(0.0, system.at([0.1, 0.0], [0.2, 0.0]), np.zeros(0))
+        >>> bool(StorageCondition(port, None).power(np.zeros(2), np.zeros(2)) < 0.0)  # the law's own torque [W]
+        True
     """
 
     port: PassivePort

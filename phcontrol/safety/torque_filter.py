@@ -32,7 +32,15 @@ _ROOM = 1e-4  # by which the velocity bounds are at least wider than what brakin
 
 
 class FilteredTorque(NamedTuple):
-    """A torque that may leave, and what it cost."""
+    """A torque that may leave, and what it cost.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FilterStatus, FilteredTorque
+        >>> found = FilteredTorque(np.array([1.0, 0.0]), FilterStatus.PASSED, 0.0, 0.0)
+        >>> found.torque, found.status.name
+        (array([1., 0.]), 'PASSED')
+    """
 
     torque: Array
     """u, shape (n,) [N·m], exactly inside effort and rate limits."""
@@ -143,6 +151,15 @@ class TorqueFilter:
         storage: False to leave out the storage condition.
         solver: that is asked first, "daqp" (a dual active-set method) or "proxqp" (a proximal method); the other one
             solves again what does not pass the check.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, Limits, MechanicalSystem, TorqueFilter, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system, system.robot.upper + 0.1)  # outside the limits
+        >>> guard = TorqueFilter(system, period=1e-3, limits=Limits(system, velocity_margin=0.1))
+        >>> log = simulate(system, law, duration=0.3, torque_filter=guard)
+        >>> bool((abs(log.velocity).max(axis=0) / system.robot.velocity_limit).max() < 0.91)
+        True
     """
 
     def __init__(

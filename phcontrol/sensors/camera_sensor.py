@@ -63,6 +63,18 @@ class CameraSensor:
         noise: standard deviation of the default source: of μ, ν and l [m].
         patience: how long to go on without a frame that shows the object [s].
         seed: of the noise.
+
+    Example:
+        >>> from phcontrol import CameraSensor, MechanicalSystem, ObservedObject, PinholeCamera, load_robot
+        >>> from phcontrol import make_controller, simulate
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> camera = PinholeCamera()
+        >>> thing = ObservedObject.seen_as(camera, [0.003, 0.002, 0.0028], system.at(system.robot.home))
+        >>> servo = make_controller("hamiltonian_servo", system, goal=[0.0, 0.0, 0.002], camera=camera)
+        >>> sensor = CameraSensor(thing, rate=30.0)  # frames a second, each one late
+        >>> log = simulate(system, servo, duration=0.1, dt=2e-3, scene=thing, sensors=[sensor])
+        >>> log.features[-1].round(4), log.measured["features"].shape
+        (array([0.0025, 0.0018, 0.0027]), (51, 3))
     """
 
     quantity = "features"

@@ -39,6 +39,15 @@ class ForceSensor:
         period: time between samples [s]; None for every step of the loop.
         saturation: largest magnitude it can show, for each component or one for all; None for none.
         seed: of the noise.
+
+    Example:
+        >>> from phcontrol import ForceSensor, MechanicalSystem, load_robot, make_controller, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = make_controller("force_feedback_measured", system)
+        >>> sensor = ForceSensor(noise=0.01, delay=2e-3, period=1e-3)  # [N·m], [s], [s]
+        >>> log = simulate(system, law, duration=0.2, disturbance=[1.0, 0.0], sensors=[sensor])
+        >>> log.measured["external_force"][-1].round(0)
+        array([ 1., -0.])
     """
 
     def __init__(

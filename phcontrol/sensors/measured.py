@@ -11,7 +11,14 @@ from phcontrol.vision.scene import Scene
 
 
 class Measured(NamedTuple):
-    """What sensors show a controller at one instant. What was not measured is None."""
+    """What sensors show a controller at one instant. What was not measured is None.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Measured
+        >>> Measured(external_force=np.array([1.0, 0.0])).features is None
+        True
+    """
 
     external_force: Array | None = None
     """f_e, shape (n,): generalised force of the environment on the joints [N·m]."""
@@ -22,7 +29,13 @@ class Measured(NamedTuple):
 
 
 NOTHING = Measured()
-"""No measurement at all."""
+"""No measurement at all.
+
+Example:
+    >>> from phcontrol import NOTHING, Measured
+    >>> NOTHING.external_force is None, NOTHING == Measured()
+    (True, True)
+"""
 
 
 def measure_truly(

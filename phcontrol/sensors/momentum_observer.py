@@ -39,6 +39,15 @@ class MomentumObserver:
         system: the model it computes with.
         gain: K_o [1/s]; the estimate lags by 1/K_o.
         period: time between updates [s]; None for every step of the loop.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, MomentumObserver, load_robot, make_controller, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law, push = make_controller("force_feedback_measured", system), [1.0, 0.0]  # [N·m]
+        >>> observer = MomentumObserver(system, gain=50.0)  # [1/s]
+        >>> log = simulate(system, law, duration=0.5, dt=2e-3, disturbance=push, sensors=[observer])
+        >>> bool(abs(log.measured["external_force"][-1] - push).max() < 0.05)
+        True
     """
 
     quantity = "external_force"

@@ -17,7 +17,14 @@ _TOLD_APART = 1e-6  # the least of a singular value, of the largest, with which 
 
 
 class Tool(NamedTuple):
-    """What hangs on the sensor, fingers and load included."""
+    """What hangs on the sensor, fingers and load included.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Tool
+        >>> Tool(mass=0.5, centre=np.array([0.0, 0.0, 0.1])).mass  # [kg]
+        0.5
+    """
 
     mass: float
     """[kg]."""
@@ -42,6 +49,15 @@ class WristSensor:
 
     Readings are of what acts on the tool: F first, then the torque about the frame's origin. A sensor that shows what
     the arm does to the tool has the other sign. Its ``tare`` and ``with_tool`` return another sensor.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, Tool, WristSensor, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> sensor = WristSensor(system, "tool", Tool(mass=0.5, centre=np.array([0.0, 0.0, 0.05])))
+        >>> x = system.at(system.robot.home)
+        >>> bool(np.abs(sensor.external_force(x, sensor.weight(x))).max() < 1e-12)  # the tool alone
+        True
     """
 
     quantity = "external_force"

@@ -91,6 +91,14 @@ def simulate(
         InvalidArgumentError: an argument is out of its domain.
         SimulationError: the run diverged or the controller failed; carries the log so far.
         SimulationInterrupted: the run was stopped from the keyboard; carries the log so far.
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = EnergyShaping.tuned(system, [0.3, 0.2])
+        >>> log = simulate(system, law, duration=4.0, dt=5e-3, q0=[0.0, 0.0])
+        >>> log.position[-1].round(2), len(log)
+        (array([0.3, 0.2]), 801)
     """
     Setpoint.check(setpoint)
     if setpoint is not None and not math.isinf(setpoint.time):

@@ -101,3 +101,10 @@ INTEGRATORS: dict[str, Integrator] = {
     "implicit_midpoint": Integrator(implicit_midpoint, 2, math.inf, "symplectic; for energy studies"),
     "discrete_gradient": Integrator(discrete_gradient, 2, math.inf, "the power balance of the arm exact at any step"),
 }
+"""INTEGRATORS
+
+Example:
+    >>> from phcontrol import INTEGRATORS
+    >>> {name: integrator.order for name, integrator in INTEGRATORS.items()}
+    {'semi_implicit_euler': 1, 'rk4': 4, 'implicit_midpoint': 2, 'discrete_gradient': 2}
+"""

@@ -32,6 +32,19 @@ class Log(Exported):
 
     Rows are samples k at ``time[k]``. What follows from the trajectory (energies, powers: ``DERIVED`` says how) is
     computed on first use and kept; a saved log has it all.
+
+    Example:
+        >>> import tempfile
+        >>> import numpy as np
+        >>> from phcontrol import EnergyShaping, Log, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> log = simulate(system, EnergyShaping.tuned(system, [0.2, 0.1]), duration=0.5, dt=5e-3, q0=[0.0, 0.0])
+        >>> log.position.shape, bool(np.diff(log.storage).max() < 1e-9)
+        ((101, 2), True)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     again = Log.load(log.save(folder + "/run.npz"))
+        >>> np.array_equal(again.position, log.position)
+        True
     """
 
     def __init__(self, data: dict[str, Array], metadata: dict[str, Any], loop: ClosedLoop | None = None) -> None:

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple
 
 
 class Outcome(NamedTuple):
-    """One of many runs: what was asked of it, or why it failed."""
+    """One of many runs: what was asked of it, or why it failed.
+
+    Example:
+        >>> from phcontrol import Outcome
+        >>> Outcome(number=0, value=None, error="the arm diverged", compiled=False).error
+        'the arm diverged'
+    """
 
     number: int
     """Its place among them."""

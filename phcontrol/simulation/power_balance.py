@@ -11,7 +11,15 @@ from phcontrol._validation import Array
 
 @dataclass(frozen=True)
 class PowerBalance:
-    """The rate of a stored energy against the powers that make it up, at every inner sample [W]."""
+    """The rate of a stored energy against the powers that make it up, at every inner sample [W].
+
+    Example:
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, load_robot, simulate
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> log = simulate(system, EnergyShaping.tuned(system, [0.2, 0.1]), duration=0.5, q0=[0.0, 0.0])
+        >>> log.power_balance("plant").relative_residual < 1e-4
+        True
+    """
 
     time: Array
     rate: Array

@@ -13,6 +13,17 @@ class Action(ABC):
     """A torque a(t, q, q̇) that is neither the gradient of a potential nor a damping, and so is not passive by itself.
 
     A pure function: the same arguments, the same torque.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import Action, EnergyShaping, MechanicalSystem, certify, load_robot, with_tank
+        >>> class Wind(Action):
+        ...     def torque(self, t, x):
+        ...         return np.array([0.5, 0.0])  # [N·m]
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> law = with_tank(EnergyShaping).tuned(system, actions=[Wind()])
+        >>> certify(law, system, samples=16).passed
+        True
     """
 
     duration: float = 0.0

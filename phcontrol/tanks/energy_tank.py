@@ -84,6 +84,7 @@ class EnergyTank:
             above 1.
 
     Example:
+        >>> from phcontrol import EnergyTank
         >>> tank = EnergyTank(initial=1.0)
         >>> flow = tank.flow(0.0, power=3.0, damping_power=0.5)
         >>> flow.opening, round(flow.rate * flow.charge, 3)

@@ -22,6 +22,17 @@ class PostureAction(Action):
         posture: q_r [rad].
         stiffness: K_n, scalar, vector or matrix, positive definite [N·m/rad].
         rows: 6 to leave the frame's pose alone, 3 its position.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, PostureAction, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> action = PostureAction(system, "tool", system.robot.home, stiffness=5.0)
+        >>> x = system.at(system.robot.near_home())
+        >>> acceleration = np.linalg.solve(x.mass_matrix, action.torque(0.0, x))
+        >>> moved = x.frame_jacobian("tool", "local_world_aligned") @ acceleration
+        >>> bool(np.abs(moved).max() < 1e-9), bool(np.abs(acceleration).max() > 0.1)  # the joints go, the hand stays
+        (True, True)
     """
 
     def __init__(

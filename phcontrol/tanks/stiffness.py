@@ -27,6 +27,7 @@ class Stiffness:
 
     Example:
         >>> import numpy as np
+        >>> from phcontrol import Stiffness
         >>> Stiffness(lambda t: 500.0 + 100.0 * np.sin(t), duration=6.28).translational(0.0)[0]
         array([500.,   0.,   0.])
     """

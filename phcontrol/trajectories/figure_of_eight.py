@@ -34,6 +34,14 @@ class FigureOfEight(CurvedPath):
         across: of e₂; only its part orthogonal to e₁ counts.
         axis: of u; by default of e₁ × e₂.
         ramp: how long it takes to reach its speed [s]; by default a quarter of the period.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FigureOfEight, Pose
+        >>> center = Pose(np.array([0.5, 0.0, 0.4]), np.eye(3))
+        >>> path = FigureOfEight("hand", center, width=0.2, height=0.1, period=4.0)  # [m], [s]
+        >>> path.at(0.0).position, path.at(20.0).position.round(6)
+        (array([0.5, 0. , 0.4]), array([ 0.5     , -0.070711,  0.35    ]))
     """
 
     def __init__(

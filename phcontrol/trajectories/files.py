@@ -44,6 +44,19 @@ def read_frame_path(path: str | os.PathLike[str], frame: str, *, smoothing: floa
         path: of the file.
         frame: name of the link or frame that moves.
         smoothing: as in :class:`SampledFramePath`.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from phcontrol import read_frame_path
+        >>> rows = ["time,x,y,z", *(f"{t},{0.5 + 0.1 * t},0.0,0.4" for t in (0.0, 0.5, 1.0, 1.5, 2.0))]
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with Path(folder, "path.csv").open("w") as file:
+        ...         for row in rows:
+        ...             print(row, file=file)
+        ...     path = read_frame_path(Path(folder, "path.csv"), "hand")
+        >>> path.at(2.0).position
+        array([0.7, 0. , 0.4])
     """
     table = _read(path, _POINT, _QUATERNION)
     rotations = None

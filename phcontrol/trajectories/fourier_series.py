@@ -29,6 +29,7 @@ class FourierSeries:
         period: [s].
 
     Example:
+        >>> from phcontrol import FourierSeries
         >>> FourierSeries([0.1], [[0.5, -0.5]], [[0.0, 0.0]], 10.0).at(10.0).position
         array([0.1])
     """

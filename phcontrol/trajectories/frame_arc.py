@@ -29,6 +29,14 @@ class FrameArc(CurvedPath):
         orientation: "held", "turning" (along with the arc, by α about n), or the last rotation matrix, to which the
             frame turns the shortest way.
         start: when it begins [s].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameArc, Pose
+        >>> start = Pose(np.array([0.5, 0.1, 0.4]), np.eye(3))
+        >>> arc = FrameArc("hand", start, [0.5, 0.0, 0.4], [0.0, 0.0, 1.0], angle=np.pi, travel_time=2.0)
+        >>> arc.at(2.0).position.round(3)
+        array([ 0.5, -0.1,  0.4])
     """
 
     def __init__(

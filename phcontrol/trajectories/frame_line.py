@@ -23,6 +23,14 @@ class FrameLine(CurvedPath):
         goal: pose (r₁, R₁), or a point where the origin is one; not half a turn away.
         travel_time: how long the motion takes [s].
         start: when it begins [s].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameLine, Pose
+        >>> start, end = Pose(np.array([0.5, 0.1, 0.4]), np.eye(3)), Pose(np.array([0.5, -0.1, 0.4]), np.eye(3))
+        >>> line = FrameLine("hand", start, end, travel_time=2.0)
+        >>> line.at(1.0).position.round(3), line.at(1.0).twist[:3].round(3)  # half way, fastest
+        (array([0.5, 0. , 0.4]), array([ 0.   , -0.188,  0.   ]))
     """
 
     def __init__(self, frame: str, origin: Pose, goal: Pose, travel_time: float, *, start: float = 0.0) -> None:

@@ -16,6 +16,14 @@ class FrameReference(NamedTuple):
 
     Those are Pinocchio's LOCAL_WORLD_ALIGNED. A path that leaves the orientation free has no rotation, and only the
     three linear rows of the twist and of the acceleration.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameLine, FrameReference, Pose
+        >>> line = FrameLine("hand", Pose(np.zeros(3), np.eye(3)), Pose(np.ones(3), np.eye(3)), travel_time=2.0)
+        >>> reference = line.at(2.0)
+        >>> type(reference) is FrameReference, reference.position.round(6), reference.twist.shape
+        (True, array([1., 1., 1.]), (6,))
     """
 
     position: Array
@@ -34,6 +42,13 @@ class FramePath(Protocol):
 
     ``at`` is a pure function of time, defined for every t; what a path does before it starts and after it ends it says
     itself. It asks for an orientation at every time, or at none.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameLine, FramePath, Pose
+        >>> line = FrameLine("hand", Pose(np.zeros(3), np.eye(3)), Pose(np.ones(3), np.eye(3)), travel_time=2.0)
+        >>> isinstance(line, FramePath), line.frame, line.duration
+        (True, 'hand', 2.0)
     """
 
     @property

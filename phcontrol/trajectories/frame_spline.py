@@ -27,6 +27,14 @@ class FrameSpline(InterpolatedPath):
             shared out by the lengths of the straight ways between them.
         periodic: repeat for ever; the last waypoint must be the first, and there must be at least six.
         length: how many metres of way a turn of 1 rad counts as, where ``times`` is shared out [m/rad].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameSpline, Pose
+        >>> poses = [Pose(np.array([0.5, y, 0.4]), np.eye(3)) for y in (0.0, 0.1, 0.0)]
+        >>> path = FrameSpline("hand", poses, [0.0, 1.0, 2.0])
+        >>> path.at(1.0).position.round(6)
+        array([0.5, 0.1, 0.4])
     """
 
     def __init__(

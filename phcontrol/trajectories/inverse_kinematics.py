@@ -24,7 +24,15 @@ _ACCURACY = {"eps_abs": 1e-10, "eps_rel": 0.0}
 
 @dataclass(frozen=True)
 class Posture:
-    """Where inverse kinematics put the joints, and how far the frame still is from its target."""
+    """Where inverse kinematics put the joints, and how far the frame still is from its target.
+
+    Example:
+        >>> from phcontrol import load_robot, reach
+        >>> robot = load_robot("pera")
+        >>> found = reach(robot, "tool", robot.placement("tool", robot.near_home()).translation)
+        >>> found.position.shape, found.distance < 1e-6  # [m]
+        ((7,), True)
+    """
 
     position: Array
     """q, shape (n,) [rad], inside the joint limits."""
@@ -35,7 +43,16 @@ class Posture:
 
 
 class UnreachableTargetError(PHControlError):
-    """No joint position inside the limits puts a frame at its target. ``nearest`` is the nearest posture found."""
+    """No joint position inside the limits puts a frame at its target. ``nearest`` is the nearest posture found.
+
+    Example:
+        >>> from phcontrol import UnreachableTargetError, load_robot, reach
+        >>> try:
+        ...     reach(load_robot("pera"), "tool", [5.0, 0.0, 0.0], restarts=1)
+        ... except UnreachableTargetError as error:
+        ...     print(error.nearest.distance > 3.0)  # [m]
+        True
+    """
 
     def __init__(self, frame: str, robot: str, which: str, nearest: Posture) -> None:
         away = f"{nearest.distance:.3g} m" + (f" and {nearest.angle:.3g} rad" if nearest.angle else "")
@@ -72,6 +89,15 @@ def reach(
     Raises:
         UnreachableTargetError: no posture was found; carries the nearest one.
         PHControlError: Pink is not installed.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import load_robot, reach
+        >>> robot = load_robot("pera")
+        >>> there = robot.placement("tool", robot.near_home()).translation
+        >>> found = reach(robot, "tool", there)
+        >>> bool(np.linalg.norm(robot.placement("tool", found.position).translation - there) < 1e-6)  # [m]
+        True
     """
     first = robot.home if start is None else vector("start", start, robot.n)
     limits = robot.lower, robot.upper
@@ -111,6 +137,16 @@ def follow(
 
     Raises:
         UnreachableTargetError: says which target; carries the nearest posture.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import follow, load_robot
+        >>> robot = load_robot("pera")
+        >>> points = [robot.placement("tool", q).translation for q in (robot.home, robot.near_home())]
+        >>> way = follow(robot, "tool", points, [0.0, 2.0])
+        >>> error = robot.placement("tool", way.at(2.0).position).translation - points[1]
+        >>> bool(np.linalg.norm(error) < 1e-5)  # [m]
+        True
     """
     instants = finite_array("times", times)
     if instants.ndim != 1 or len(instants) != len(targets) or len(targets) < 2:

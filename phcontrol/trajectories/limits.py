@@ -34,7 +34,16 @@ class JointPeak:
 
 @dataclass(frozen=True)
 class LimitReport:
-    """What a trajectory asks of each joint, and where it breaks a limit."""
+    """What a trajectory asks of each joint, and where it breaks a limit.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, MinimumJerk, check_limits, load_robot
+        >>> robot = load_robot("pera_shoulder")
+        >>> way = MinimumJerk([0.0, 0.0], [1.0, 0.5], travel_time=0.1)  # too fast
+        >>> report = check_limits(way, MechanicalSystem(robot))
+        >>> report.kept, "velocity" in {peak.quantity for peak in report.violations}
+        (False, True)
+    """
 
     peaks: tuple[JointPeak, ...]
 
@@ -74,6 +83,13 @@ def check_limits(
         system: the arm.
         duration: how long it is followed from 0 [s]; by default the trajectory's own duration.
         samples: how many instants.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, MinimumJerk, check_limits, load_robot
+        >>> robot = load_robot("pera_shoulder")
+        >>> slow = MinimumJerk.within_limits(robot, [0.0, 0.0], [1.0, 0.5])
+        >>> check_limits(slow, MechanicalSystem(robot)).kept
+        True
     """
     check_trajectory("trajectory", trajectory, system.n)
     end = trajectory.duration if duration is None else positive("duration", duration)

@@ -34,6 +34,14 @@ class MinimumJerk(PiecewisePolynomial):
         goal: posture b [rad].
         travel_time: how long the motion takes [s].
         start: when it begins [s].
+
+    Example:
+        >>> from phcontrol import MinimumJerk, load_robot
+        >>> way = MinimumJerk([0.0, 0.0], [1.0, 0.5], travel_time=2.0)
+        >>> way.at(1.0).position, way.at(1.0).velocity  # half way, and fastest: 15/8 of the mean speed
+        (array([0.5 , 0.25]), array([0.9375 , 0.46875]))
+        >>> MinimumJerk.within_limits(load_robot("pera_shoulder"), [0.0, 0.0], [1.0, 0.5]).duration > 0.5
+        True
     """
 
     def __init__(self, origin: ArrayLike, goal: ArrayLike, travel_time: float, *, start: float = 0.0) -> None:

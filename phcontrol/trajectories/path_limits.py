@@ -59,6 +59,16 @@ def within_limits(
         InvalidArgumentError: the start is elsewhere; the path goes beyond a joint's limits, or too near a singularity,
             as it does where it leaves the workspace; says when.
         UnreachableTargetError: the joints cannot be kept on the path; carries the nearest posture.
+
+    Example:
+        >>> from phcontrol import FrameLine, MechanicalSystem, Pose, load_robot, within_limits
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.near_home())
+        >>> pose = x.placement("tool")
+        >>> up = Pose(pose.translation + [0.0, 0.0, 0.05], pose.rotation)
+        >>> fast = FrameLine("tool", pose, up, travel_time=0.1)
+        >>> within_limits(fast, system, system.robot.near_home()).duration > 0.1  # as slow as the joints need it [s]
+        True
     """
     robot = system.robot
     check_frame_path("path", path, robot)

@@ -19,7 +19,18 @@ for _zero in NOTHING.values():
 
 
 class ResolvedMotion(NamedTuple):
-    """A reference of the joints that moves a frame as its path asks."""
+    """A reference of the joints that moves a frame as its path asks.
+
+    Example:
+        >>> from phcontrol import FrameLine, MechanicalSystem, Pose, load_robot, resolved_motion
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.near_home())
+        >>> pose = x.placement("tool")
+        >>> line = FrameLine("tool", pose, Pose(pose.translation + [0.0, 0.0, 0.05], pose.rotation), travel_time=2.0)
+        >>> motion = resolved_motion(x, "tool", line.at(1.0))
+        >>> motion.velocity.shape, motion.acceleration.shape
+        ((7,), (7,))
+    """
 
     velocity: Array
     """q̇_ref = 𝒥#ξ_d, shape (n,) [rad/s]."""
@@ -54,6 +65,19 @@ def resolved_motion(
         singular_damping: λ₀ [m/rad]; 0 for none: then all is NaN, or huge, at a singularity.
         singular_region: ε [m/rad].
         length: ℓ, how many metres 1 rad counts as [m/rad].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameLine, MechanicalSystem, Pose, load_robot, resolved_motion
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.near_home())
+        >>> pose = x.placement("tool")
+        >>> up = Pose(pose.translation + [0.0, 0.0, 0.05], pose.rotation)
+        >>> reference = FrameLine("tool", pose, up, travel_time=2.0).at(1.0)
+        >>> motion = resolved_motion(x, "tool", reference)
+        >>> moved = x.frame_jacobian("tool", "local_world_aligned") @ motion.velocity
+        >>> np.allclose(moved, reference.twist, atol=1e-3)
+        True
     """
     twist = reference.twist
     rows = len(twist)

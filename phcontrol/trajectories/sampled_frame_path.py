@@ -26,6 +26,14 @@ class SampledFramePath(InterpolatedPath):
         rotations: rotation matrices, shape (m, 3, 3), two that follow each other less than half a turn apart;
             None leaves the orientation free.
         smoothing: λ ≥ 0 [s³]; 0 passes every sample.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import SampledFramePath
+        >>> t = np.linspace(0.0, 2.0, 41)
+        >>> path = SampledFramePath("hand", t, np.stack([0.5 + 0.1 * np.cos(t), 0.1 * np.sin(t), 0.0 * t], axis=1))
+        >>> path.at(1.0).position.round(4)
+        array([0.554 , 0.0841, 0.    ])
     """
 
     def __init__(

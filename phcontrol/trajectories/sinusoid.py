@@ -22,6 +22,12 @@ class Sinusoid:
         frequency: f [Hz] (the thesis's ω is 2πf).
         phase: φ [rad]; −π/2 starts from rest at B − A.
         offset: B [rad].
+
+    Example:
+        >>> from phcontrol import Sinusoid
+        >>> swing = Sinusoid([0.5, 0.2], [1.0, 0.5])  # [rad], [Hz]
+        >>> swing.at(0.0).position, swing.at(0.5).position.round(6)
+        (array([-0.5, -0.2]), array([0.5, 0. ]))
     """
 
     def __init__(

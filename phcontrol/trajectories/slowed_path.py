@@ -14,6 +14,14 @@ class SlowedPath:
     Args:
         path: of a frame.
         factor: κ > 0; below 1 it is faster.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import FrameLine, Pose, SlowedPath
+        >>> line = FrameLine("hand", Pose(np.zeros(3), np.eye(3)), Pose(np.ones(3), np.eye(3)), travel_time=2.0)
+        >>> slow = SlowedPath(line, 2.0)
+        >>> slow.duration, np.allclose(slow.at(2.0).position, line.at(1.0).position)
+        (4.0, True)
     """
 
     def __init__(self, path: FramePath, factor: float) -> None:

@@ -21,6 +21,12 @@ class CubicSpline(PiecewisePolynomial):
         times: increasing, shape (m,) [s].
         positions: shape (m, n) [rad].
         periodic: repeat for ever; the last waypoint must be the first.
+
+    Example:
+        >>> from phcontrol import CubicSpline
+        >>> way = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [0.0]])  # [s], [rad]
+        >>> way.at(1.0).position, way.at(2.0).velocity
+        (array([0.5]), array([0.]))
     """
 
     def __init__(self, times: ArrayLike, positions: ArrayLike, *, periodic: bool = False) -> None:
@@ -41,6 +47,12 @@ class QuinticSpline(PiecewisePolynomial):
         times: increasing, shape (m,) [s].
         positions: shape (m, n) [rad].
         periodic: repeat for ever; the last waypoint must be the first, and there must be at least six.
+
+    Example:
+        >>> from phcontrol import QuinticSpline
+        >>> way = QuinticSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [0.0]])
+        >>> way.at(1.0).position, way.at(2.0).acceleration.round(9)
+        (array([0.5]), array([0.]))
     """
 
     def __init__(self, times: ArrayLike, positions: ArrayLike, *, periodic: bool = False) -> None:
@@ -66,6 +78,14 @@ class SampledTrajectory(PiecewisePolynomial):
         times: increasing, shape (m,) [s].
         positions: shape (m, n) [rad]; at least two, with smoothing at least five.
         smoothing: λ ≥ 0 [s³]; 0 passes every sample. About (noise period)³ takes away noise of that period.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import SampledTrajectory
+        >>> t = np.linspace(0.0, 2.0, 41)
+        >>> way = SampledTrajectory(t, np.sin(t)[:, None])
+        >>> way.at(1.0).velocity.round(3)  # cos 1
+        array([0.54])
     """
 
     def __init__(self, times: ArrayLike, positions: ArrayLike, *, smoothing: float = 0.0) -> None:

@@ -21,6 +21,14 @@ class TrackingTransformation:
     It is a generalised canonical transformation (Theorem 2.2.1): the arm is port-Hamiltonian again in Φ, with
     H + U = ½|p̂|² + ½q̃ᵀK_t q̃ and J̄₂ = P_dT⁻ᵀ − T⁻¹P_dᵀ. ``check_canonical_transformation`` shows it with
     ``coordinates``, ``energy_change`` and ``input_change``.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, Sinusoid, TrackingTransformation, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> change = TrackingTransformation(system, Sinusoid([0.2, 0.1], [0.5, 0.5]), 20.0 * np.eye(2))
+        >>> change.coordinates(np.zeros(2), np.zeros(2), 0.0).shape
+        (4,)
     """
 
     def __init__(self, system: MechanicalSystem, trajectory: Trajectory, stiffness: Array) -> None:

@@ -11,7 +11,14 @@ from phcontrol.exceptions import InvalidArgumentError
 
 
 class Reference(NamedTuple):
-    """What a trajectory asks for at one time."""
+    """What a trajectory asks for at one time.
+
+    Example:
+        >>> from phcontrol import Sinusoid
+        >>> reference = Sinusoid([0.5], [1.0]).at(0.0)
+        >>> reference.position, reference.velocity.round(9)
+        (array([-0.5]), array([0.]))
+    """
 
     position: Array
     """q_d, shape (n,) [rad]."""
@@ -27,6 +34,11 @@ class Trajectory(Protocol):
 
     ``at`` is a pure function of time, defined for every t; what a trajectory does before it starts and
     after it ends it says itself.
+
+    Example:
+        >>> from phcontrol import Sinusoid, Trajectory
+        >>> isinstance(Sinusoid([0.5], [1.0]), Trajectory), Sinusoid([0.5], [1.0]).n
+        (True, 1)
     """
 
     @property

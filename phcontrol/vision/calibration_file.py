@@ -30,6 +30,21 @@ def read_camera(path: str | os.PathLike[str], *, frame: str | None = None, focal
         path: of the file.
         frame: the frame of the arm that is the camera's, as of :class:`PinholeCamera`.
         focal_length: f [m], as of ``PinholeCamera.calibrated``.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from phcontrol import read_camera
+        >>> lines = ["image_width: 640", "image_height: 480", "distortion_model: plumb_bob"]
+        >>> lines += ["camera_matrix: {rows: 3, cols: 3, data: [520, 0, 320, 0, 520, 240, 0, 0, 1]}"]
+        >>> lines += ["distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}"]
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with Path(folder, "camera.yaml").open("w") as file:
+        ...         for line in lines:
+        ...             print(line, file=file)
+        ...     camera = read_camera(Path(folder, "camera.yaml"))
+        >>> camera.image_size, camera.matrix[0].round(6)
+        ((640, 480), array([520.,   0., 320.]))
     """
     entries = _entries(path)
     try:

@@ -44,6 +44,15 @@ class ColourDetector:
         least_saturation: from which a pixel counts as coloured (of 255); half way between object and ground.
         least_value: likewise, of its brightness.
         least_area: from which a spot counts as the object [pixels].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import ColourDetector, PinholeCamera
+        >>> camera = PinholeCamera(image_size=(64, 48), field_of_view=1.0)
+        >>> image = np.zeros((48, 64, 3), np.uint8)
+        >>> image[20:28, 30:40] = (0, 120, 255)  # blue, green, red: an orange spot
+        >>> camera.to_pixels(ColourDetector()(image, camera)).round(1)  # column, row, length
+        array([34.5, 23.5,  9.9])
     """
 
     def __init__(
@@ -125,5 +134,17 @@ _ORANGE = ColourDetector()
 
 
 def extract_features(image: Image, camera: PinholeCamera) -> Array | None:
-    """Return (μ, ν, l), shape (3,) [m], of the orange object in an image: what ``ColourDetector()`` finds."""
+    """Return (μ, ν, l), shape (3,) [m], of the orange object in an image: what ``ColourDetector()`` finds.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import PinholeCamera, extract_features
+        >>> camera = PinholeCamera(image_size=(64, 48), field_of_view=1.0)
+        >>> image = np.zeros((48, 64, 3), np.uint8)
+        >>> extract_features(image, camera) is None  # nothing orange in it
+        True
+        >>> image[20:28, 30:40] = (0, 120, 255)
+        >>> extract_features(image, camera).shape
+        (3,)
+    """
     return _ORANGE(image, camera)

@@ -21,6 +21,14 @@ class FeatureFlow:
         camera: what sees them.
         features: τ(0) = (μ, ν, l) [m].
         length: L of the object [m].
+
+    Example:
+        >>> from phcontrol import FeatureFlow, MechanicalSystem, PinholeCamera, load_robot
+        >>> camera = PinholeCamera()
+        >>> flow = FeatureFlow(camera, [0.003, 0.002, 0.0028], length=0.038)  # [m]
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> flow.features(system.at(system.robot.home), flow.initial_state())
+        array([0.003 , 0.002 , 0.0028])
     """
 
     state_size = 3

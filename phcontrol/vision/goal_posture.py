@@ -36,6 +36,15 @@ def goal_posture(
         steps: how many steps at most; each is cut to 0.2 rad, and shorter where the features' scale demands it.
 
     Raises PHControlError when none is found.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, ObservedObject, PinholeCamera, goal_posture, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.home)
+        >>> thing = ObservedObject.seen_as(PinholeCamera(), [0.001, 0.001, 0.0022], x)
+        >>> q = goal_posture(system, thing, [0.0, 0.0, 0.002])
+        >>> thing.features(system.at(q)).round(6)
+        array([0.   , 0.   , 0.002])
     """
     goal = vector("features", features, 3)
     position = np.array(vector("guess", system.robot.home if guess is None else guess, system.n))

@@ -25,7 +25,20 @@ _FEWEST = 4
 
 @dataclass(frozen=True)
 class HandEyeCalibration:
-    """Where the camera is in the hand, and how well the poses agree on that."""
+    """Where the camera is in the hand, and how well the poses agree on that.
+
+    Example:
+        >>> import numpy as np
+        >>> import pinocchio as pin
+        >>> from phcontrol import calibrate_hand_eye
+        >>> turns = [0.4 * (1 + k) * np.eye(3)[k % 3] for k in range(5)]
+        >>> hand = [pin.SE3(pin.exp3(turn), np.array([0.1, 0.0, 0.3])) for turn in turns]
+        >>> camera = pin.SE3(pin.exp3(np.array([0.2, -0.1, 1.5])), np.array([0.04, -0.06, 0.02]))
+        >>> world = pin.SE3(np.eye(3), np.array([0.5, 0.1, 0.0]))
+        >>> found = calibrate_hand_eye(hand, [(pose * camera).inverse() * world for pose in hand])
+        >>> found.camera.translation.round(6), found.translation_residual < 1e-9
+        (array([ 0.04, -0.06,  0.02]), True)
+    """
 
     camera: pin.SE3
     """The camera in the hand's frame [m]."""
@@ -73,6 +86,19 @@ def calibrate_hand_eye(
         markers: poses of the marker in the camera's frame, as ``MarkerDetector.pose`` returns them, likewise.
         largest_rotation: that a pose may be off from the others, root mean square [rad].
         largest_translation: likewise [m].
+
+    Example:
+        >>> import numpy as np
+        >>> import pinocchio as pin
+        >>> from phcontrol import calibrate_hand_eye
+        >>> turns = [[0.3, 0.0, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.5], [0.3, 0.3, 0.0], [-0.2, 0.1, 0.3]]
+        >>> hands = [pin.SE3(pin.exp3(np.array(turn)), np.array([0.3, 0.0, 0.4])) for turn in turns]
+        >>> camera = pin.SE3(np.eye(3), np.array([0.04, -0.06, 0.02]))
+        >>> world = pin.SE3(np.eye(3), np.array([0.5, 0.1, 0.0]))
+        >>> seen = [(hand * camera).inverse() * world for hand in hands]  # the marker, in the camera
+        >>> found = calibrate_hand_eye(hands, seen)
+        >>> found.camera.translation.round(6)
+        array([ 0.04, -0.06,  0.02])
     """
     positive("largest_rotation", largest_rotation)
     positive("largest_translation", largest_translation)

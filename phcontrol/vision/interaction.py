@@ -29,6 +29,14 @@ def interaction_matrix(features: Array, focal_length: float, length: float) -> A
     """Return Δ(τ), shape (3, 6): τ̇ = Δ ξ for a fixed object, thesis (5.3) corrected (errata E16, E17).
 
     ξ = (v, ω) is the twist of the camera in its own frame [m/s, rad/s].
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import interaction_matrix
+        >>> interaction_matrix(np.array([0.0, 0.0, 0.002]), focal_length=0.01, length=0.04).round(3)
+        array([[-0.05,  0.  ,  0.  ,  0.  , -0.01,  0.  ],
+               [ 0.  , -0.05,  0.  ,  0.01, -0.  , -0.  ],
+               [ 0.  ,  0.  ,  0.01,  0.  , -0.  ,  0.  ]])
     """
     mu, nu, size = features.tolist()
     f = focal_length

@@ -34,6 +34,20 @@ class MarkerDetector:
         dictionary: the family it is of, as OpenCV calls it: "APRILTAG_36h11", "4X4_50", "ARUCO_ORIGINAL", ...
         largest_error: of its corners, from where the pose found has them [pixels]; a marker that is further off is
             none.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MarkerDetector, MarkerPrint, MechanicalSystem, ObservedObject, PinholeCamera
+        >>> from phcontrol import RenderedView, Renderer, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.home)
+        >>> camera = PinholeCamera(image_size=(320, 240), field_of_view=1.2).mounted_on(system.robot)
+        >>> tag = MarkerDetector(side=0.03, identity=7)  # [m]
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.0, 0.0025], x, (0.04, 0.04, 0.01))
+        >>> view = RenderedView(Renderer(thing, printed=MarkerPrint(tag)), tag)
+        >>> seen = view(x.placement(camera.frame), np.random.default_rng(0))
+        >>> bool(np.abs(seen[:2] - [0.001, 0.0]).max() < camera.pixel_size)
+        True
     """
 
     def __init__(

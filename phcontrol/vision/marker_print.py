@@ -19,6 +19,13 @@ class MarkerPrint:
 
     Args:
         detector: says which marker, and how large it is.
+
+    Example:
+        >>> from phcontrol import MarkerDetector, MarkerPrint
+        >>> tag = MarkerDetector(side=0.03, identity=7)
+        >>> printed = MarkerPrint(tag)
+        >>> type(printed).__name__
+        'MarkerPrint'
     """
 
     def __init__(self, detector: MarkerDetector) -> None:

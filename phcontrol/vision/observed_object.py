@@ -31,6 +31,14 @@ class ObservedObject:
         rotation: (3, 3), axes of the box in the world: x along the length, y along the width, z into the box.
             Without effect on the features.
         length: L of what is looked for on it, a marker's side for instance [m]; by default the face's longer side.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, ObservedObject, PinholeCamera, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.home)
+        >>> thing = ObservedObject.seen_as(PinholeCamera(), [0.003, 0.002, 0.0028], x)  # (μ, ν, l) [m]
+        >>> thing.features(x).round(6)
+        array([0.003 , 0.002 , 0.0028])
     """
 
     state_size = 0

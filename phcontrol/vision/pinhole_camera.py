@@ -46,6 +46,15 @@ class PinholeCamera:
         principal_point: where the optical axis is in the image, (column, row) [pixels]; None for its middle.
         distortion: of the lens, OpenCV's coefficients as :class:`LensDistortion` takes them.
         pixel_aspect: width of a pixel over its height, which is f_y/f_x.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import PinholeCamera
+        >>> camera = PinholeCamera(image_size=(640, 480), field_of_view=np.pi / 2)  # [pixels], [rad]
+        >>> camera.to_pixels([0.0, 0.0, 0.002]).round(6)  # column, row, length
+        array([319.5, 239.5,  64. ])
+        >>> camera.sees(np.array([0.0, 0.0, 0.002])), camera.sees(np.array([0.02, 0.0, 0.002]))
+        (True, False)
     """
 
     focal_length: float = 0.01

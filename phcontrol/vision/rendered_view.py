@@ -16,6 +16,18 @@ class RenderedView:
     Args:
         renderer: draws the images.
         detector: finds the object in them; by default by its colour, orange.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, ObservedObject, PinholeCamera, RenderedView, Renderer
+        >>> from phcontrol import load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.home)
+        >>> camera = PinholeCamera(image_size=(320, 240), field_of_view=1.2).mounted_on(system.robot)
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.0, 0.0025], x)
+        >>> seen = RenderedView(Renderer(thing))(x.placement(camera.frame), np.random.default_rng(0))
+        >>> bool(np.abs(seen - thing.features(x)).max() < camera.pixel_size)
+        True
     """
 
     def __init__(self, renderer: Renderer, detector: Detector = extract_features) -> None:

@@ -51,6 +51,16 @@ class Renderer:
             an uneven exposure, a rolling shutter or a shaking mount do.
         printed: on the seen face, in place of its colour.
         grey_noise: of each pixel's each colour, standard deviation [of 255 levels].
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, ObservedObject, PinholeCamera, Renderer, load_robot
+        >>> system = MechanicalSystem(load_robot("pera"))
+        >>> x = system.at(system.robot.home)
+        >>> camera = PinholeCamera(image_size=(64, 48), field_of_view=1.2).mounted_on(system.robot)
+        >>> thing = ObservedObject.seen_as(camera, [0.001, 0.0, 0.0025], x)
+        >>> image = Renderer(thing).render(x.placement(camera.frame))
+        >>> image.shape, image.dtype
+        ((48, 64, 3), dtype('uint8'))
     """
 
     def __init__(

@@ -8,6 +8,7 @@ import pinocchio as pin
 from phcontrol._validation import Array
 from phcontrol.exceptions import UnknownNameError
 from phcontrol.mechanics.robot import Robot
+from phcontrol.visualization.link_ends import link_end
 from phcontrol.visualization.shapes import Shape, robot_shapes, tinted
 
 GHOST_LINK = (0.45, 0.47, 0.50, 0.55)
@@ -50,7 +51,7 @@ class DrawnArm:
         return {name: self.data.oMf[index].copy() for name, index in self.links.items()}
 
     def _skeleton(self) -> dict[str, list[Shape]]:
-        """Return a line from each joint to the next, and a dot at each joint, for a robot without shapes."""
+        """Return a line from each joint to the next or to its link's end, and a dot, for robots without shapes."""
         model = self.robot.model
         shapes: dict[str, list[Shape]] = {}
         for name, index in self.links.items():
@@ -60,6 +61,9 @@ class DrawnArm:
                 for child in range(1, model.njoints)
                 if model.parents[child] == frame.parentJoint
             ]
+            end = link_end(model, frame.parentJoint) if frame.parentJoint > 0 else None
+            if end is not None and np.allclose(frame.placement.translation, 0.0):
+                ends.append(frame.placement.inverse().act(end))
             points = np.array([point for end in ends for point in (np.zeros(3), end)]).reshape(-1, 3)
             shapes[name] = [Shape("sphere", (0.02,)), *([Shape("lines", points=points)] if ends else [])]
         return shapes

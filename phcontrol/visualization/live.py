@@ -32,6 +32,12 @@ class LiveView:
             there is none prints the address.
 
     Raises PHControlError when the port is taken.
+
+    Example:
+        >>> from phcontrol import LiveView
+        >>> with LiveView(rate=10.0, real_time=False, announce=lambda server: None) as view:
+        ...     view.period  # of its frames [s]; simulate(..., watch=view) shows a run
+        0.1
     """
 
     def __init__(

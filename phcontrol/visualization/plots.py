@@ -137,14 +137,19 @@ def plot_poses(
 
 
 def skeleton(robot: Robot, position: Array) -> Array:
-    """Return the base's, the joints' origins and the tool's in the world, shape (points, 3) [m]."""
+    """Return the base's, the joints' origins and the tool's, or the last link's end, in the world, (points, 3) [m]."""
     import pinocchio as pin
+
+    from phcontrol.visualization.link_ends import link_end
 
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.full_position(position))
     points = [np.zeros(3)] + [data.oMi[robot.model.getJointId(name)].translation for name in robot.joint_names]
+    last = robot.model.getJointId(robot.joint_names[-1])
     if robot.tool_frame is not None:
         points.append(data.oMf[robot.frame_id(robot.tool_frame)].translation)
+    elif (end := link_end(robot.model, last)) is not None:
+        points.append(data.oMi[last].act(end))
     return np.array(points)
 
 

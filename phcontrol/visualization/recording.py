@@ -37,6 +37,16 @@ def record(
         certificate: of the law, shown as a badge.
 
     Raises DataFileError when the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from phcontrol import EnergyShaping, MechanicalSystem, load_robot, record, simulate
+        >>> system = MechanicalSystem(load_robot("pera_gripper"))
+        >>> log = simulate(system, EnergyShaping.tuned(system, [0.3]), duration=0.2, dt=5e-3)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     page = record(log, folder + "/run.html")
+        ...     print("<html" in page.read_text()[:200])
+        True
     """
     return write_text(path, recorded_page(log, robot=robot, rate=rate, certificate=certificate))
 

@@ -48,6 +48,15 @@ def test_a_name_of_example_robot_data_with_locked_joints():
     }
 
 
+def test_a_name_whose_files_are_not_installed_is_refused(monkeypatch):
+    def missing(subpath):
+        raise OSError(f"{subpath} not found")
+
+    monkeypatch.setattr("example_robot_data.robots_loader.getModelPath", missing)
+    with pytest.raises(RobotDescriptionError, match="ur5: its files are not installed: pip install example-robot-data"):
+        load_robot("ur5")
+
+
 def test_rotor_inertia_of_a_description_is_used():
     system = MechanicalSystem(load_robot("talos_arm"))
     assert system.model.armature.sum() == pytest.approx(0.6)

@@ -1,6 +1,8 @@
 // Charts of the run's signals: which are shown is chosen from lists, and time is common to all of them.
 "use strict";
 
+const LEAST = 1e-9;  // of a range that is shown, in the unit of the signal
+
 function readable(number) {
   const size = Math.abs(number);
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? number.toExponential(2) : number.toPrecision(4);
@@ -11,8 +13,13 @@ function short(number) {
   return size !== 0 && (size < 1e-2 || size >= 1e4) ? number.toExponential(1) : number.toPrecision(3);
 }
 
-/** Round numbers between two others, about as many as wanted. */
+/** Round numbers between two others, about as many as wanted, and three at least. */
 function ticksOf(low, high, wanted) {
+  const found = evenTicks(low, high, wanted);
+  return found.ticks.length >= 3 || wanted > 12 ? found : ticksOf(low, high, wanted + 1);
+}
+
+function evenTicks(low, high, wanted) {
   const rough = (high - low) / wanted, power = Math.pow(10, Math.floor(Math.log10(rough)));
   const step = power * [1, 2, 5, 10].find((part) => part * power >= rough * 0.999);
   const ticks = [];
@@ -165,7 +172,8 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
       if (limit > high && limit < high + reach) high = limit;
       if (limit < low && limit > low - reach) low = limit;
     }
-    const margin = 0.06 * (high - low) || Math.max(1e-12, 0.1 * Math.abs(high)) || 1;
+    const least = Math.max(LEAST, 1e-6 * Math.abs(high));  // what varies by less is a constant, and rounding
+    const margin = Math.max(0.06 * (high - low), 0.5 * (least - (high - low)));
     return [low - margin, high + margin];
   }
 

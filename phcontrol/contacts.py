@@ -1,0 +1,5 @@
+"""What touches or pushes an arm: bodies, disturbances."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("phcontrol", __file__)

@@ -1,0 +1,5 @@
+"""Plots and pages of runs."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("phcontrol", __file__)

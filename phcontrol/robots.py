@@ -1,0 +1,5 @@
+"""Arms and plants: descriptions, payloads, friction, states, transformations."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("phcontrol", __file__)

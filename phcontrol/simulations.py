@@ -1,0 +1,5 @@
+"""Runs of closed loops and their logs."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub("phcontrol", __file__)

@@ -1,0 +1,103 @@
+"""``phcontrol init``: a project whose test passes, and whose notebook and commands run, as they are written."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from phcontrol.cli import app
+from tests.notebooks import execute
+
+ROOT = Path(__file__).parents[1]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+
+
+def init(*arguments):
+    return CliRunner().invoke(app, ["init", *map(str, arguments)])
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project about an arm that is a file in another folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("arms").mkdir()
+    (description,) = re.findall(r"```xml\n(.*?)```", (ROOT / "docs" / "tutorial.md").read_text(), re.DOTALL)
+    Path("arms", "little arm.urdf").write_text(description)
+    result = init("my-robot", "--robot", Path("arms", "little arm.urdf"))
+    assert result.exit_code == 0, result.output
+    assert "next: cd my-robot && pytest" in result.output
+    return tmp_path / "my-robot"
+
+
+def test_its_test_passes_and_fails_when_the_law_is_wrong(project):
+    def tested():
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+        return subprocess.run(command, cwd=project, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+
+    first = tested()
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "2 passed" in first.stdout
+    law = project / "law.py"
+    law.write_text(law.read_text().replace("gradient=self.stiffness @ error", "gradient=2.0 * self.stiffness @ error"))
+    wrong = tested()
+    assert wrong.returncode == 1
+    assert "test_the_closed_loop_is_what_the_law_promises" in wrong.stdout
+
+
+@pytest.mark.study
+def test_its_commands_and_its_notebook_run(project, monkeypatch):
+    monkeypatch.chdir(project)
+    (block,) = re.findall(r"```sh\n(.*?)```", (project / "README.md").read_text(), re.DOTALL)
+    commands = [line.split("  #")[0] for line in block.splitlines() if line.startswith("phcontrol ")]
+    assert len(commands) == 2
+    for command in commands:
+        arguments = [sys.executable, "-m", "phcontrol.cli", *shlex.split(command)[1:], "--samples", "16"]
+        result = subprocess.run(arguments, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, result.stdout + result.stderr
+        assert "law:MyLaw" in result.stdout or "my_law" in result.stdout
+    assert (project / "run.html").stat().st_size > 250_000
+    executed = execute(project / "first_run.ipynb", project)
+    assert "PASSED" in executed
+
+
+def test_what_it_writes_is_formatted_and_checked_as_the_package_is(project):
+    for command in (["format", "--check"], ["check", "--select", "E,F,W,I,B"]):
+        result = subprocess.run(
+            [sys.executable, "-m", "ruff", *command, "--line-length", "120", "--isolated", "."],
+            cwd=project,
+            capture_output=True,
+            text=True,
+        )
+        assert result.returncode == 0, result.stdout
+
+
+def test_a_name_and_locked_joints(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    assert init("empty", "--robot", "panda", "--lock", "panda_finger_joint1").exit_code == 0
+    text = Path("empty", "arm.py").read_text()
+    assert 'SOURCE = "panda"' in text
+    assert '["panda_finger_joint1"]' in text
+    assert "--robot panda --controller law:MyLaw --lock panda_finger_joint1" in Path("empty", "README.md").read_text()
+
+
+def test_nothing_is_written_where_something_is_or_for_an_arm_that_is_none(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("full").mkdir()
+    Path("full", "mine.txt").write_text("mine")
+    Path("file").write_text("mine")
+    for place in ("full", "file"):
+        result = init(place)
+        assert result.exit_code == 2
+        assert f"must be a new or an empty folder, but {place} is there already" in result.output
+    assert init("new", "--robot", "no_such_arm").exit_code == 2
+    assert init(Path("deep", "under", "there"), "--robot", "ur5").exit_code == 0  # below the working directory
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "file", "full"]
+    assert [path.name for path in Path("full").iterdir()] == ["mine.txt"]
