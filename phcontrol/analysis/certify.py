@@ -320,7 +320,7 @@ class _Examination:
         yield Check.at_most("command that is not repeated", impurity, PURITY_TOLERANCE, where)
         if self._samples >= FEW:
             walked = difference_in_walks(law, self._fresh, plant, self._units, self._rest_point)
-            marched = difference_after_marching(law, plant, states[0])
+            marched = difference_after_marching(law, plant, self._units, self._rest_point)
             remembered, where = max(walked, marched, key=lambda each: each.value)
             yield Check.at_most("command that remembers the motion", remembered, PURITY_TOLERANCE, where)
         changed, where = difference_after_methods(law, self._fresh, plant, states)

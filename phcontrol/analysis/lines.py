@@ -24,7 +24,8 @@ _RAYS, _DISTANCES = 16, 25  # into the rest point, and distances on each
 _NEAREST = 1e-6  # of these, in natural units
 _NEAREST_SEEN = 1e-4  # likewise, of a law with eyes: its features have fewer digits
 _SUSPECTS = 3  # intervals that are looked at more closely
-_QUARTERINGS, _HALVINGS = 12, 14
+_PARTS, _NARROWINGS = 8, 16  # of an interval, and how often it is narrowed to three of them
+_HALVINGS = 14
 _JUMP = 1e-5  # of the range of H_d on a chord: a smooth H_d changes by 10⁻⁸ of it over so short an interval
 _NEAR_JUMP = 1e-4  # of how far H_d is from its value at rest, on a ray
 _ROUNDING = 1e-10  # of the largest H_d, below which such a difference is not taken for one
@@ -65,15 +66,15 @@ class Line:
         extent = float(np.ptp(values))
         if not extent > 0.0:
             return 0.0, 0.0
+        steps = np.diff(values)
         if self.into_rest:
             away = np.maximum(np.abs(values - self._rest.stored()), _ROUNDING * float(np.abs(values).max()))
             units, least = np.maximum(away[:-1], away[1:]), _NEAR_JUMP
-            steps = np.log(np.maximum(np.abs(np.diff(values)), 1e-300))
-            suspicion = np.abs(steps - 0.5 * (np.append(steps[1:], steps[-1]) + np.insert(steps[:-1], 0, steps[0])))
+            steps = np.log(np.maximum(np.abs(steps), 1e-300))  # smooth in the logarithm of the distance
         else:
-            units, least = np.full(len(values) - 1, extent), _JUMP
-            bends = np.abs(np.diff(np.diff(values), prepend=0.0, append=0.0))
-            suspicion = np.maximum(bends[:-1], bends[1:])
+            units, least = np.full(len(steps), extent), _JUMP
+        suspicion = np.zeros(len(steps))
+        suspicion[1:-1] = np.abs(np.diff(steps, 2))
         worst, where = 0.0, 0.0
         for interval in np.argsort(suspicion)[-_SUSPECTS:]:
             size, share = self._jump_in(int(interval), least * float(units[interval]))
@@ -82,24 +83,25 @@ class Line:
         return worst, where
 
     def _jump_in(self, interval: int, least: float) -> tuple[float, float]:
-        """Return what is left of an interval's odd change of H_d when it is quartered and quartered, 0 below ``least``.
+        """Return what is left of a jump of H_d in an interval that is narrowed and narrowed, 0 below ``least``.
 
-        The quarter that goes on is the one that changes by another amount than the others: a jump may go against what
-        changes smoothly beside it.
+        Where H_d is smooth its changes over equal parts have second differences that vanish with the third power of the
+        width; a jump stays in them, whatever changes smoothly beside it.
         """
         low, high = float(self.shares[interval]), float(self.shares[interval + 1])
         at_low, at_high = float(self.energies[interval]), float(self.energies[interval + 1])
-        odd = math.inf
-        for _ in range(_QUARTERINGS):
-            shares = np.linspace(low, high, 5)
+        steps = np.zeros(1)
+        for _ in range(_NARROWINGS):
+            shares = np.linspace(low, high, _PARTS + 1)
             values = np.array([at_low, *(self.energy(share) for share in shares[1:-1]), at_high])
             steps = np.diff(values)
-            others = np.abs(steps - np.median(steps))
-            k = int(np.argmax(others))
-            odd, low, high, at_low, at_high = float(others[k]), shares[k], shares[k + 1], values[k], values[k + 1]
-            if odd < least:
+            odd = np.abs(np.diff(steps, 2))
+            k = int(np.argmax(odd))
+            if odd[k] < least:
                 return 0.0, low
-        return odd, low
+            low, high = float(shares[k]), float(shares[k + 3])
+            at_low, at_high = float(values[k]), float(values[k + 3])
+        return float(np.abs(steps - np.median(steps)).max()), low
 
     def kink(self) -> tuple[float, float]:
         """Return by how much the slope of H_d changes at once, relative to its largest on this chord, and where."""

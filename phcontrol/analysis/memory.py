@@ -11,7 +11,7 @@ import numpy as np
 
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
-from phcontrol.analysis.purity import answers, everything_else, guarded
+from phcontrol.analysis.purity import answers, everything_else, guarded, slowness
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen, largest_difference
@@ -27,8 +27,8 @@ PERIODS = (*(scale * period for scale in (1e-4, 1e-3) for period in _IN_A_DECADE
 _STEPS, _JUMPS = 8, 4  # of a walk in closed loop, and of one anywhere
 _AWAY, _IN_VIEW = 0.3, 0.02  # from rest, where walks begin, in natural units; likewise of a law with eyes
 _WILD = 30.0  # times the velocity limits: there a walk with a long period ends
-_LONG, _SHORT = 3001, 200  # periods of 1 ms that the clock runs for, and of every other length
-_BLIND = 10  # times fewer of a law with eyes
+_LONG, _SHORT = 3000, 200  # periods of 1 ms that the clock runs for, and of these others
+_USED = (2.5e-4, 5e-4, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2)
 _KEPT = 50  # of the answers meanwhile one in so many is compared
 _QUESTIONS = 6  # that are asked again after each method
 _MAKING = ("tuned", "tuning", "default_gains", "check_goal", "prepare", "changed")  # methods that make another law
@@ -58,12 +58,8 @@ def _differences_in_walks(
     law: Controller, fresh: Controller | None, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint
 ) -> Iterator[tuple[float, str]]:
     generator = np.random.default_rng(0)
-    scene = law.rest_scene(law.system.at(rest.position))
-    away = _AWAY if scene is None else _IN_VIEW
-    start = SampledState(
-        max(rest.time, FIRST_TIME if law.time_span else 0.0), rest.position + away * units.position, rest.velocity,
-        rest.state, rest.force, scene, "",
-    )  # fmt: skip
+    start = _start(law, units, rest)
+    away = _AWAY if start.scene is None else _IN_VIEW
     for k, period in enumerate(PERIODS):
         for words, walk in (
             ("in closed loop", _closed_loop(law, plant, units, start, period)),
@@ -74,6 +70,15 @@ def _differences_in_walks(
             times = np.concatenate([np.zeros(_JUMPS), generator.permutation(PERIODS)[:_JUMPS]])
             leaps = list(_leaps(law, plant, units, start, times, away, generator))
             yield _compared(law, fresh, plant, leaps), "asked for the same time and for times of any order"
+
+
+def _start(law: Controller, units: NaturalUnits, rest: RestPoint) -> SampledState:
+    """Return where walks begin: away from rest, where something has to be done."""
+    scene = law.rest_scene(law.system.at(rest.position))
+    away = _AWAY if scene is None else _IN_VIEW
+    time = max(rest.time, FIRST_TIME if law.time_span else 0.0)
+    position = rest.position + away * units.position
+    return SampledState(time, position, rest.velocity, rest.state, rest.force, scene, "")
 
 
 Asked = tuple[SampledState, Sequence[Array]]
@@ -138,26 +143,27 @@ def _compared(law: Controller, fresh: Controller | None, plant: MechanicalSystem
     return worst
 
 
-def difference_after_marching(law: Controller, plant: MechanicalSystem, at: SampledState) -> Worst:
+def difference_after_marching(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint) -> Worst:
     """Return by how much commands while the clock runs, as in a loop, differ when asked for backwards, and where.
 
-    It runs for three seconds in periods of 1 ms, and for two hundred periods of every other length, while the arm
+    It runs for three seconds in periods of 1 ms, and for two hundred periods of lengths that are in use, while the arm
     stands: a memory that wakes up late shows.
     """
+    at = _start(law, units, rest)
     seen = Seen.of(law, plant, guarded(at))
-    fewer = 1 if law.eyes is None else _BLIND
 
     def ask(time: float) -> list[Array]:
         command = law.evaluate(float(time), seen.view, at.state, seen.measured)
         return [np.array(command.torque), np.array(command.state_rate)]
 
-    def difference(period: float) -> float:
-        times = at.time + period * np.arange((_LONG if period == 1e-3 else _SHORT) // fewer + 1)
+    def difference(period: float, count: int) -> float:
+        times = at.time + period * np.arange(count // slowness(law) + 1)
         forwards = [ask(time) for time in times][::_KEPT]
         backwards = [ask(time) for time in times[::_KEPT][::-1]][::-1]
         return max(largest_difference(a, b) for a, b in zip(forwards, backwards, strict=True))
 
-    return Worst.of((difference(period), f"after many periods of {1e3 * period:.3g} ms") for period in PERIODS)
+    marches = [(1e-3, _LONG), *((period, _SHORT) for period in _USED)]
+    return Worst.of((difference(*march), f"after many periods of {1e3 * march[0]:.3g} ms") for march in marches)
 
 
 def difference_after_methods(
@@ -185,13 +191,12 @@ def _differences_after_methods(
         yield largest_difference(first[which], answers(questions[which].elsewhere())), f"after {name}() was asked"
     if fresh is None:
         return
-    for question, before in zip(questions, first, strict=True):
-        alone = Seen(fresh, question.at, question.measured)
-        yield largest_difference(before, answers(alone)), "a copy of the law that was asked nothing before"
-        yield (
-            largest_difference(everything_else(question.elsewhere()), everything_else(alone.elsewhere())),
-            "what a copy of the law promises that was asked nothing before",
-        )
+    copies = [Seen(fresh, question.at, question.measured) for question in questions]
+    for alone, before in zip(copies, first, strict=True):
+        yield largest_difference(before, answers(alone)), "a copy of the law that was asked nothing else"
+    for alone, question in zip(copies, questions, strict=True):
+        promised = everything_else(question.elsewhere()), everything_else(alone.elsewhere())
+        yield largest_difference(*promised), "what a copy of the law promises that was asked nothing else"
 
 
 def _methods(law: Controller) -> list[str]:

@@ -19,6 +19,7 @@ from phcontrol.sensors.measured import Measured
 
 _STATES = 12  # that are asked again
 _CALLS = 1000  # in between
+_SEEING, _DERIVED = 10, 5  # times fewer of laws that need a camera, or whose torque is derived from the target
 _SHIFT = 1e-9  # of a time that is close to another [s]
 _SEEN = np.array([1e-3, -2e-3, 3e-3])  # features that a law is shown that does not need them [m]
 
@@ -63,6 +64,14 @@ def _differences(
         yield largest_difference(before, seen.command()), f"asked twice with the same view: {place}"
         written = largest_difference(_contents(question.elsewhere().view), _contents(seen.view))
         yield written, f"its view was written to: {place}"
+
+
+def slowness(law: Controller) -> int:
+    """Return how many times fewer questions a law is asked where it is asked thousands: it sees, or is derived."""
+    if law.eyes is not None:
+        return _SEEING
+    kind = type(law)
+    return _DERIVED if kind.evaluate is Controller.evaluate and kind.shape is Controller.shape else 1
 
 
 def largest_hidden_need(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:

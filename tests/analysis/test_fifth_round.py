@@ -279,9 +279,7 @@ REMEMBER |= {law.__name__: law for law in (Differentiates, WakesUpAt250, LimitsI
 @pytest.mark.parametrize("name", REMEMBER)
 def test_what_a_law_remembers_at_any_period_shows(name):
     certificate = certify(REMEMBER[name].tuned(make_system("pera_shoulder")), samples=16)
-    line = "command that remembers the motion"
-    assert certificate.error or not certificate[line].passed or line not in {c.name for c in certificate.checks}
-    assert not certificate.passed
+    assert not certificate["command that remembers the motion"].passed, str(certificate)
 
 
 def test_periods_go_from_a_tenth_to_ten_milliseconds():
@@ -319,6 +317,7 @@ METHODS = ("passive_port", "storage", "target", "coordinates", "conditions", "ca
 @pytest.mark.parametrize("for_good", [False, True])
 @pytest.mark.parametrize("method", METHODS)
 def test_no_method_may_change_the_command(method, for_good):
+    """Those that the certificate asks before it asks for commands are seen by the copy that was asked nothing."""
     certificate = certify(set_by(method, for_good=for_good).tuned(make_system("pera_shoulder")), samples=16)
     assert not certificate["command that other methods change"].passed, str(certificate)
 
