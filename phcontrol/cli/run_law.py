@@ -21,12 +21,11 @@ def law_command(name: str, general: Callable[..., None]) -> Callable[..., None]:
     def command(out: Path = place, **arguments: Any) -> None:
         general(controller=name, out=out, **arguments)
 
-    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[
-            parameter.replace(annotation=hints[key], **({"default": place} if key == "out" else {}))
-            for key, parameter in signature.parameters.items()
-            if key != "controller"
-        ]
-    )
+    parameters = [
+        parameter.replace(annotation=hints[key], default=place if key == "out" else parameter.default)
+        for key, parameter in signature.parameters.items()
+        if key != "controller"
+    ]
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {key: hint for key, hint in hints.items() if key != "controller"}
     return command

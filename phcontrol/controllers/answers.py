@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,13 +13,28 @@ from phcontrol.exceptions import AnswerError, InvalidArgumentError, UnknownNameE
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 
-if TYPE_CHECKING:
-    from phcontrol.controllers.controller import Controller
-
 _SHORT = 40  # characters of what is shown as it is
 
 
-def stored(law: Controller, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
+class Law(Protocol):
+    """What of a ``Controller`` is asked here."""
+
+    @property
+    def state_size(self) -> int:
+        """How many states it has."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The measurements that it reads."""
+
+    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
+        """Return H_d [J]."""
+
+    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
+        """Return torque and state rate."""
+
+
+def stored(law: Law, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
     """Return what a law states as H_d [J]. Raises AnswerError unless it is one finite real number."""
     value: Any = law.storage(t, x, state, measured)
     if (
@@ -33,7 +48,7 @@ def stored(law: Controller, t: float, x: MechanicalState, state: Array, measured
     return float(value)
 
 
-def commanded(law: Controller, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
+def commanded(law: Law, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
     """Return what a law orders. Raises AnswerError unless torque and state rate are finite vectors of their lengths."""
     command: Any = law.evaluate(t, x, state, measured)
     if not isinstance(command, Command):
@@ -49,7 +64,7 @@ def commanded(law: Controller, t: float, x: MechanicalState, state: Array, measu
     return command
 
 
-def check_vector(law: Controller, method: str, value: Any, size: int | None, what: str = "") -> None:
+def check_vector(law: Law, method: str, value: Any, size: int | None, what: str = "") -> None:
     """Raise AnswerError unless what a method returned is an array of real numbers, of one dimension and a length."""
     if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiu" and size in (None, len(value)):
         return
@@ -57,7 +72,7 @@ def check_vector(law: Controller, method: str, value: Any, size: int | None, wha
     raise AnswerError(type(law), method, f"returned {described(value)}{what}, expected {expected}")
 
 
-def check_needs(law: Controller) -> None:
+def check_needs(law: Law) -> None:
     """Raise InvalidArgumentError or UnknownNameError unless ``needs`` of a law is a tuple of names of measurements."""
     needs: Any = law.needs
     if not isinstance(needs, tuple) or not all(isinstance(name, str) for name in needs):

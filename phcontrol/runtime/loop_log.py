@@ -55,6 +55,7 @@ class LoopLog:
     Raises:
         InvalidArgumentError: what is given is no loop, or no duration.
         PHControlError: another LoopLog writes this file, or there is no room for it.
+
     Example:
         >>> import tempfile
         >>> from phcontrol import ControlBox, ControlLoop, EnergyShaping, LoopLog, MechanicalSystem
