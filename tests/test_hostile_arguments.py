@@ -91,6 +91,14 @@ def test_no_door_lets_a_foreign_exception_out(things, nonsense, tmp_path):
         assert isinstance(caught.value, (InvalidArgumentError, LookupError)) or name.startswith("MujocoArm"), name
 
 
+def test_a_path_with_a_nul_is_none(things):
+    """ValueError left what writes files."""
+    log = things[3]
+    for call in (log.save, log.to_mcap, Log.load, read_loop_log, load_robot, lambda path: record(log, path)):
+        with pytest.raises(PHControlError):
+            call("a\0b")
+
+
 def test_limits_of_another_arm_are_refused(things):
     with pytest.raises(InvalidArgumentError, match="limits: are of 6 joints, but pera_shoulder has 2"):
         exciting_trajectory(things[0], Limits(MechanicalSystem(load_robot("ur5")), braking_acceleration=1.0))
