@@ -221,6 +221,8 @@ def file_path(name: str, value: Any) -> Path:
     """Return ``value`` as a path; a number is none, though the system would take it for an open file."""
     if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
         raise InvalidArgumentError(name, f"must be the path of a file, but is {value!r}")
+    if "\0" in os.fspath(value):
+        raise InvalidArgumentError(name, f"cannot hold a NUL, but is {os.fspath(value)!r}")
     return Path(value)
 
 

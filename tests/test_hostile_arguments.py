@@ -15,12 +15,14 @@ from phcontrol import (
     Log,
     LoopLog,
     MechanicalSystem,
+    Motion,
     MujocoArm,
     PHControlError,
     SimulatedArm,
     StopVelocity,
     TorqueFilter,
     compare,
+    compare_models,
     drive,
     exciting_trajectory,
     identify,
@@ -89,6 +91,14 @@ def test_no_door_lets_a_foreign_exception_out(things, nonsense, tmp_path):
         assert isinstance(caught.value, (InvalidArgumentError, LookupError)) or name.startswith("MujocoArm"), name
 
 
+def test_a_path_with_a_nul_is_none(things):
+    """ValueError left what writes files."""
+    log = things[3]
+    for call in (log.save, log.to_mcap, Log.load, read_loop_log, load_robot, lambda path: record(log, path)):
+        with pytest.raises(PHControlError):
+            call("a\0b")
+
+
 def test_limits_of_another_arm_are_refused(things):
     with pytest.raises(InvalidArgumentError, match="limits: are of 6 joints, but pera_shoulder has 2"):
         exciting_trajectory(things[0], Limits(MechanicalSystem(load_robot("ur5")), braking_acceleration=1.0))
@@ -150,3 +160,36 @@ def test_numbers_too_large_are_refused(things):
     ):
         with pytest.raises(InvalidArgumentError):
             call()
+
+
+def test_what_would_not_end_is_refused(things):
+    robot, system, _, _ = things
+    for call in (
+        lambda: exciting_trajectory(robot, what=("viscous",), candidates=10**12),
+        lambda: exciting_trajectory(robot, what=("viscous",), harmonics=10**9),
+        lambda: exciting_trajectory(robot, what=("viscous",), duration=1e-9),
+        lambda: exciting_trajectory(robot, what=("viscous",), duration=1e300),
+        lambda: compare_models(robot, robot, samples=10**12),
+        lambda: MujocoArm(system, period=1e-3, step=1e-12),
+    ):
+        with pytest.raises(InvalidArgumentError, match="must be|at most"):
+            call()
+
+
+@pytest.mark.parametrize("which", ["position", "velocity", "torque"])
+def test_numbers_that_no_arm_has_are_no_motion(which):
+    """Their squares are infinite: LinAlgError left ``identify``, and a contradiction was not seen."""
+    signals = {"position": np.zeros((50, 2)), "velocity": np.zeros((50, 2)), "torque": np.zeros((50, 2))}
+    signals[which][7, 1] = -1e200
+    with pytest.raises(InvalidArgumentError, match=f"{which}: has an entry of 1e.200, which no arm's is"):
+        Motion.of(np.linspace(0.0, 1.0, 50), **signals)
+
+
+def test_a_driver_that_returns_no_reading_is_named():
+    """AttributeError left ``drive``."""
+    from tests.runtime.test_loop_log import make_loop
+
+    loop, arm = make_loop()
+    arm.read = lambda: (0.0, 1.0)
+    with pytest.raises(InvalidArgumentError, match="must read a Reading or None, but SimulatedArm read a tuple"):
+        drive(loop, arm, 0.01)

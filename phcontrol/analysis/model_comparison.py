@@ -144,7 +144,7 @@ def compare_models(first: Robot | MechanicalSystem, second: Robot | MechanicalSy
         (False, True, True)
     """
     a, b = _system("first", first), _system("second", second)
-    samples, tolerance = count("samples", samples), number("tolerance", tolerance, minimum=_ROUNDING)
+    samples, tolerance = count("samples", samples, maximum=10**5), number("tolerance", tolerance, minimum=_ROUNDING)
     names_a, names_b = a.robot.joint_names, b.robot.joint_names
     shared = tuple(name for name in names_a if name in names_b)
     if not shared:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, count, instance, number, positive, vector
+from phcontrol._validation import Array, count, instance, number, vector
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.identification.parameters import GROUPS, Parameters, parameters_of, torque_columns
 from phcontrol.mechanics.robot import Robot
@@ -21,6 +21,8 @@ from phcontrol.trajectories.trajectory import Reference
 _FINE = 400  # times of a period at which limits of position and speed are looked at
 _COARSE = 60  # times at which torques and regressors are
 _WIDE = 0.75 * math.pi  # how far a joint without limits goes from its start [rad]
+_SHORTEST, _LONGEST = 0.1, 1e4  # duration [s]
+_MOST_HARMONICS, _MOST_CANDIDATES = 20, 10**5
 _SHORT = 10.0  # below which a motion is one period, not two [s]
 
 
@@ -103,8 +105,8 @@ def exciting_trajectory(
         )
     count("seed", seed, minimum=0)
     parameters = parameters_of(system.robot, what, frame)
-    duration = positive("duration", duration)
-    count("candidates", candidates)
+    duration = number("duration", duration, minimum=_SHORTEST, maximum=_LONGEST)
+    count("candidates", candidates, maximum=_MOST_CANDIDATES)
     place = vector("start", system.robot.near_home() if start is None else start, system.n)
     if ((place < limits.lower) | (place > limits.upper)).any():
         raise InvalidArgumentError("start", f"is outside the limits of position: {place.tolist()}")
@@ -114,7 +116,7 @@ def exciting_trajectory(
         parameters,
         place,
         duration / 2.0 if duration >= _SHORT else duration,
-        count("harmonics", harmonics, minimum=3),
+        count("harmonics", harmonics, minimum=3, maximum=_MOST_HARMONICS),
         number("share", share, minimum=0.0, exclusive=True, maximum=1.0),
     )
     series, condition, first = search.best(candidates, np.random.default_rng(seed))

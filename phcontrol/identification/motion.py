@@ -12,6 +12,7 @@ from phcontrol._validation import Array, finite_array
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.simulation.log import Log
 
+_LARGEST = 1e6  # of a position, velocity or torque [rad, rad/s, N·m]
 _UNEVEN = 1e-3  # part of a period by which samples may be off
 
 
@@ -71,6 +72,9 @@ class Motion:
         for name, array in (("position", q), ("velocity", v), ("torque", u)):
             if array.shape != shape:
                 raise InvalidArgumentError(name, f"must have shape {shape}, a row a sample, but has {array.shape}")
+            largest = float(np.abs(array).max(initial=0.0))
+            if largest > _LARGEST:
+                raise InvalidArgumentError(name, f"has an entry of {largest:.2g}, which no arm's is")
         return cls(times, q, v, u, held)
 
 

@@ -62,7 +62,7 @@ def find(source: str | os.PathLike[str]) -> Description:
     is_path = isinstance(source, os.PathLike) or os.sep in name or Path(name).suffix in (".urdf", ".xml", ".xacro")
     if is_path:
         path = Path(name)
-        if not path.is_file():
+        if not os.path.isfile(path):  # which raises nothing
             raise RobotDescriptionError(f"{path}: no such file")
         text = _expanded(path) if path.suffix == ".xacro" else None
         return Description(path.stem, path, package_directories=(path.parent,), is_file=True, text=text)

@@ -29,7 +29,7 @@ def check_against_mujoco(
     findings = Findings(label)
     try:
         problems = _Comparison(mujoco, model, urdf, armature, locked).problems()
-    except (ArithmeticError, LookupError, ValueError) as error:
+    except (ArithmeticError, LookupError, ValueError, mujoco.FatalError) as error:
         raise RobotDescriptionError(f"{label}: cannot be held against MuJoCo's model: {error}") from error
     for problem in problems:
         findings.add(0, problem)
@@ -41,6 +41,8 @@ class _Comparison:
         self, mujoco: Any, theirs: Any, urdf: Urdf, armature: Mapping[str, float], locked: frozenset[str]
     ) -> None:
         self._mujoco, self._theirs, self._urdf, self._locked = mujoco, theirs, urdf, locked
+        # contacts and limits have no part in what is compared, and may need more memory than there is
+        theirs.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self._data = mujoco.MjData(theirs)
         self._ours = pin.buildModelFromXML(canonical(urdf))
         self._names = list(self._ours.names)[1:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 from phcontrol.exceptions import RobotDescriptionError
@@ -24,7 +23,7 @@ def compiled(path: str | os.PathLike[str], label: str) -> Any:
     Raises RobotDescriptionError where MuJoCo is not installed, or cannot read it.
     """
     mujoco = load_mujoco(f"{label}: an MJCF file")
-    if not Path(path).is_file():
+    if not os.path.isfile(path):  # which raises nothing
         raise RobotDescriptionError(f"{label}: there is no such MJCF file")
     try:
         return mujoco.MjModel.from_xml_path(os.fspath(path))

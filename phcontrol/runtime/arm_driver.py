@@ -145,6 +145,9 @@ def drive(
         reading = driver.read()
         if reading is None and last is not None:
             reading = last._replace(age=last.age + loop.period)
+        if reading is not None and not isinstance(reading, Reading):
+            said = f"{type(driver).__name__} read a {type(reading).__name__}"
+            raise InvalidArgumentError("driver", f"must read a Reading or None, but {said}")
         last = reading
         if reading is not None:
             torque = loop.step(

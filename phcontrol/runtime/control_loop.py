@@ -273,9 +273,7 @@ class ControlLoop:
         """
         since = real_array(elapsed, ())
         told = None if since is None or since < 0.0 else float(since)
-        passed = max(
-            self.period, self._recorder.begin(self._look_at_clock(), told)
-        )  # longer, where periods were skipped
+        passed = max(self.period, self._recorder.begin(self._look_at_clock(), told))  # longer after a gap
         try:
             ordered = self._controlled(position, velocity, measured, age, passed, torque)
         except Exception as error:  # of the model or the filter: the ramp goes on without them

@@ -19,6 +19,7 @@ from phcontrol.runtime.mujoco_model import addresses, model_of_urdf, silence_act
 from phcontrol.safety.clipping import clipped
 from phcontrol.sensors.measured import Measured
 
+_MOST_SUBSTEPS = 10_000  # of MuJoCo in a period
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 
 
@@ -102,6 +103,10 @@ class MujocoArm:
             kinds = {kind: getattr(mujoco.mjtIntegrator, f"mjINT_{kind.upper()}") for kind in _integrators()}
             self.model.opt.integrator = kinds[choice("integrator", integrator, kinds)]
         self._substeps = whole_multiple("period", self.period, float(self.model.opt.timestep))
+        if self._substeps > _MOST_SUBSTEPS:
+            raise InvalidArgumentError(
+                "step", f"makes {self._substeps} steps of each period, which never ends; at most {_MOST_SUBSTEPS} are"
+            )
         self._places, self._freedoms = addresses(self.model, system)
         silence_actuators(self.model, self._freedoms)
         self.data = mujoco.MjData(self.model)

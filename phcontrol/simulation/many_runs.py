@@ -111,10 +111,8 @@ class ManyRuns:
             raise
         except SimulationError as error:
             return Outcome(index, error.log if self._measure == "log" else None, str(error), False)
-        except PHControlError as error:
-            return Outcome(index, None, str(error), False)
-        except Exception as error:  # of a user's law, disturbance or sensor: the other runs go on
-            return Outcome(index, None, _described(error), False)
+        except Exception as error:  # refused, or of a user's law, disturbance or sensor: the other runs go on
+            return Outcome(index, None, _said(error), False)
         return self._measured(index, log, compiled=False)
 
     def _measured(self, index: int, log: Log, compiled: bool) -> Outcome:
@@ -148,8 +146,10 @@ class ManyRuns:
             for group in self._groups(left, bar):
                 try:
                     left += self._run_group(group, compiler, bar)
-                except CompilationError as error:
-                    left += self._not_compiled(str(error), [i for i in group.indices if i not in self._found])
+                except SimulationInterrupted:
+                    raise
+                except Exception as error:  # likewise; what has come to its end is kept
+                    left += self._not_compiled(_said(error), [i for i in group.indices if i not in self._found])
         return sorted(left)
 
     def _run(self, index: int, bar: Any) -> Run | None:
@@ -159,8 +159,7 @@ class ManyRuns:
         try:
             return Run(**self._arguments(index))
         except Exception as error:  # refused arguments, or what a user's law raises
-            said = str(error) if isinstance(error, PHControlError) else _described(error)
-            self._found[index] = Outcome(index, None, said, False)
+            self._found[index] = Outcome(index, None, _said(error), False)
             bar.update()
             return None
 
@@ -186,8 +185,8 @@ class ManyRuns:
                 continue
             try:
                 arrangement, _ = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-            except CompilationError as error:
-                left += self._not_compiled(str(error), [index])
+            except Exception as error:  # it cannot be traced, or a user's law raises: interpreted it will tell
+                left += self._not_compiled(_said(error), [index])
                 continue
             known[key], members[key] = arrangement, [index]
             self._runs[index] = run  # is needed once more
@@ -254,8 +253,8 @@ class ManyRuns:
                 continue
             try:
                 arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-            except CompilationError as error:
-                left += self._not_compiled(str(error), [index])
+            except Exception as error:  # it cannot be traced, or a user's law raises: interpreted it will tell
+                left += self._not_compiled(_said(error), [index])
                 continue
             numbers = numbers_of_arrangement(arrangement._replace(varied=group.arrangement.varied))
             gathered.append(_Numbered(index, run, numbers, signals, self._key(index)))
@@ -358,7 +357,9 @@ class ManyRuns:
         return log if samples == run.steps + 1 else log.truncated()
 
 
-def _described(error: Exception) -> str:
-    """Return a foreign error with the function that raised it: no traceback goes with an outcome."""
+def _said(error: Exception) -> str:
+    """Return an error in words, a foreign one with the function that raised it: no traceback goes with an outcome."""
+    if isinstance(error, PHControlError):
+        return str(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__} in {last.name}, line {last.lineno} of {Path(last.filename).name}: {error}"

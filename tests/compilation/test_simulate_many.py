@@ -366,6 +366,23 @@ def test_a_disturbance_that_raises_is_one_failed_run(compiled, start):
     assert found[2].value.position.shape == (51, 2)
 
 
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_law_that_raises_is_one_failed_run(compiled):
+    """It ended all runs where it was traced."""
+
+    class Raising(EnergyShaping):
+        def shape(self, *_, **__):
+            raise RuntimeError("of my own")
+
+    arm = MechanicalSystem(load_robot("pera_shoulder"))
+    laws = [kind.tuned(arm, goal=[0.3, 0.5]) for kind in (EnergyShaping, Raising, EnergyShaping)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CompilationWarning)
+        found = simulate_many(arm, laws, duration=0.02, compiled=compiled)
+    assert [bool(outcome.error) for outcome in found] == [False, True, False]
+    assert "RuntimeError in shape, line" in found[1].error
+
+
 def test_runs_of_endless_steps_are_refused():
     arm = MechanicalSystem(load_robot("pera_shoulder"))
     law = make_controller("energy_shaping", arm, goal=[0.3, 0.5])

@@ -230,6 +230,17 @@ def test_efforts_are_those_of_the_actuators_as_compiled(actuators, effort, tmp_p
         assert min(made) == pytest.approx(effort)
 
 
+def test_bodies_that_lie_in_each_other_are_no_matter(tmp_path):
+    """MuJoCo's FatalError came out: it had no memory for the contacts of a posture."""
+    pytest.importorskip("mujoco")
+    inner = "".join(f"<body name='b{i}'><joint name='j{i}'/><geom size='0.1'/>" for i in range(90))
+    path = tmp_path / "heap.xml"
+    path.write_text(f"<mujoco><worldbody>{inner}{'</body>' * 90}</worldbody></mujoco>")
+    assert load_robot(path).n == 90
+    with pytest.raises(RobotDescriptionError, match="no such file"):
+        load_robot("x" * 5000 + ".xml")
+
+
 def test_a_site_may_have_the_name_of_a_body(tmp_path):
     """As in models that people share; the body's frame has the name."""
     pytest.importorskip("mujoco")
