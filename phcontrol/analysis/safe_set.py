@@ -86,7 +86,7 @@ class SafeSet:
 
     def contains(self, position: ArrayLike, velocity: ArrayLike | None = None, state: ArrayLike | None = None) -> bool:
         """Return whether no limit is ever reached from this start."""
-        return self.margin(position, velocity, state) >= 0.0
+        return bool(self.margin(position, velocity, state) >= 0.0)
 
     def border(self, starts: int, *, seed: int = 0, level: float | None = None) -> tuple[Array, Array, Array]:
         """Draw starts with H_d = c, in all directions: positions, velocities and the law's own states.
@@ -165,7 +165,7 @@ def safe_set(
         >>> found.contains(law.goal), found.margin(law.goal) == found.level
         (True, True)
         >>> found.binding
-        'velocity of elbow_pitch'
+        'velocity of wrist_yaw'
     """
     kinds = _kinds(keep)
     choice("inertia", inertia, ("certified", "sampled"))
@@ -208,7 +208,7 @@ def _level(way: float, rate: float, what: str) -> float:
     """Return the c with way² = rate·c."""
     if not way > 0.0:
         raise PHControlError(f"no set is safe: the {what} is passed at the goal already")
-    return way**2 / rate if rate > 0.0 and math.isfinite(way) else math.inf
+    return float(way**2 / rate) if rate > 0.0 and math.isfinite(way) else math.inf
 
 
 def _spring(law: Controller) -> JointSpring:
