@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from types import TracebackType
 from typing import Any
 
@@ -63,7 +63,7 @@ class DaskScheduler:
         threads = self._client.nthreads()
         self.workers = max(1, sum(threads.values()))
 
-    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Finished]:
+    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Generator[Finished, None, None]:
         """Yield what came of ``task(item)`` of each item, as they finish."""
         from distributed import as_completed
 

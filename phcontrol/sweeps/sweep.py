@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -134,21 +135,16 @@ class Sweep(Scenarios):
         chunks = (Chunk(self.given, self.hash, first, self._end(first), compiled, __version__) for first in missing)
         total = sum(self._end(first) - first for first in missing)
         failed: dict[int, Exception] = {}
-        with Progress(self.runs, self.runs - total, progress) as bar:
-            found = at_work.run(run_chunk, chunks)
-            try:
-                for done in found:
-                    if done.error is not None:
-                        failed[done.item.first] = done.error
-                        if not isinstance(done.error, EngineError):
-                            raise done.error
-                        continue
-                    bad = folder.write(done.item.first, done.value)
-                    bar.advance(done.item.last - done.item.first, bad)
-            finally:
-                close = getattr(found, "close", None)
-                if close is not None:
-                    close()
+        with contextlib.ExitStack() as stack:
+            bar = stack.enter_context(Progress(self.runs, self.runs - total, progress))
+            for done in stack.enter_context(contextlib.closing(at_work.run(run_chunk, chunks))):
+                if done.error is not None:
+                    failed[done.item.first] = done.error
+                    if not isinstance(done.error, EngineError):
+                        raise done.error
+                    continue
+                bad = folder.write(done.item.first, done.value)
+                bar.advance(done.item.last - done.item.first, bad)
         if failed:
             first, error = next(iter(failed.items()))
             raise EngineError(
