@@ -17,7 +17,7 @@ import os
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -55,24 +55,21 @@ def main() -> None:
     began = time.perf_counter()
     columns = run_chunk(chunks[0])
     figures: dict[str, list[float]] = {"start, trace and compile [s]": [time.perf_counter() - began]}
-    engines = {"1 process": lambda: LocalProcesses(1), "2 processes": lambda: LocalProcesses(2)}
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as two,
-        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as one,
-        DaskScheduler(one.scheduler_address) as dask_1,
-        DaskScheduler(two.scheduler_address) as dask_2,
-    ):
-        engines |= {"1 Dask worker": lambda: dask_1, "2 Dask workers": lambda: dask_2}
-        for _ in range(options.repeats):
-            for name, engine in engines.items():
-                rate, used = _steady(engine(), run_chunk, chunks, CHUNK)
-                figures.setdefault(f"{name} [runs/s]", []).append(rate)
-                figures.setdefault(f"{name}, processor time [s/run]", []).append(used)
-            figures.setdefault("in this process, processor time [s/run]", []).append(_processor_time(chunks))
-            for name in ("1 process", "1 Dask worker"):
-                rate, used = _steady(engines[name](), abs, list(range(TASKS)), 1)
-                figures.setdefault(f"task, {name} [s]", []).append(1.0 / rate)
-                figures.setdefault(f"task, {name}, processor time [s]", []).append(used)
+    for _ in range(options.repeats):
+        for count, name in ((1, "1 process"), (2, "2 processes")):
+            _note(figures, name, _steady(LocalProcesses(count), run_chunk, chunks, CHUNK))
+        for count, name in ((1, "1 Dask worker"), (2, "2 Dask workers")):
+            with _dask(count) as engine:
+                list(engine.run(run_chunk, chunks[:count]))  # compiles
+                _note(figures, name, _steady(engine, run_chunk, chunks, CHUNK))
+                if count == 1:
+                    rate, used = _steady(engine, abs, list(range(TASKS)), 1)
+                    figures.setdefault("task, Dask [s]", []).append(1.0 / rate)
+                    figures.setdefault("task, Dask, processor time [s]", []).append(used)
+        rate, used = _steady(LocalProcesses(1), abs, list(range(TASKS)), 1)
+        figures.setdefault("task, process [s]", []).append(1.0 / rate)
+        figures.setdefault("task, process, processor time [s]", []).append(used)
+        figures.setdefault("in this process, processor time [s/run]", []).append(_processor_time(chunks))
     found = {name: statistics.median(values) for name, values in figures.items()}
     found["bytes per run"] = _bytes(sweep, columns)
     # ratios of neighbours in time: the machine's speed changes
@@ -90,7 +87,7 @@ def main() -> None:
     for name, value in found.items():
         print(f"{name:<44}{value:>12.4g}")
     spent, size = found["1 process, processor time [s/run]"], found["bytes per run"]
-    given_out = found["task, 1 Dask worker, processor time [s]"]
+    given_out = found["task, Dask [s]"]
     print(
         f"10⁹ runs: {MANY * spent / 3600.0:.3g} core hours, {MANY * size / 1e9:.3g} GB, {MANY / PART:.2g} tasks of "
         f"{PART} runs; a task takes Dask {1e3 * given_out:.2g} ms, so that one scheduler keeps at most "
@@ -98,6 +95,21 @@ def main() -> None:
     )
     if options.json:
         Path(options.json).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+
+
+def _note(figures: dict[str, list[float]], name: str, found: tuple[float, float]) -> None:
+    figures.setdefault(f"{name} [runs/s]", []).append(found[0])
+    figures.setdefault(f"{name}, processor time [s/run]", []).append(found[1])
+
+
+@contextlib.contextmanager
+def _dask(workers: int) -> Iterator[DaskScheduler]:
+    """Give a Dask cluster of this machine: scheduler in this process, workers of one thread in theirs."""
+    with (
+        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0") as cluster,
+        DaskScheduler(cluster.scheduler_address) as engine,
+    ):
+        yield engine
 
 
 def _processor_time(chunks: list[Chunk]) -> float:

@@ -38,7 +38,7 @@ class Sweep(Scenarios):
 
     Args:
         vary: how each quantity is drawn, by name (``VARIABLES``; ``gain.NAME`` and ``gain_factor.NAME`` of the law):
-            a list of values, or what :class:`~phcontrol.sweeps.distribution.Distribution` takes.
+            a list of values, or what ``Distribution`` takes.
         measures: names (``MEASURES``), "my_module:function", functions of a log, or functions by name.
         sampling: ``method`` ("random", "latin_hypercube", "sobol", "grid", "list"), ``runs``, ``seed``, and ``chunk``,
             how many runs make a task and a part of the results.
