@@ -17,6 +17,8 @@ from phcontrol._groups import GROUPS, names_of
 from phcontrol.analysis.advice import ADVICE
 from phcontrol.cli import app
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.sweeps.measure import MEASURES
+from phcontrol.sweeps.variable import VARIABLES
 
 HERE = Path(__file__).parent
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
@@ -30,6 +32,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     made = {
         "{{ table of laws }}": laws_table,
         "{{ table of advice }}": advice_table,
+        "{{ table of variables }}": variables_table,
+        "{{ table of measures }}": measures_table,
         "{{ command line }}": command_line,
         "{{ groups }}": groups,
         "{{ gallery }}": gallery,
@@ -82,6 +86,22 @@ def groups() -> str:
         for name, group in GROUPS.items()
     ]
     return "\n".join(["| group | about | names |", "|---|---|---|", *rows])
+
+
+def variables_table() -> str:
+    """Return what a sweep can vary as a table."""
+    rows = [
+        f"| `{name}{'.JOINT' if one.of_joint else ''}` | {one.unit} | {one.meaning} |"
+        for name, one in VARIABLES.items()
+    ]
+    rows += ["| `gain.NAME` | of the law | a gain of the law |", "| `gain_factor.NAME` | | a factor of it |"]
+    return "\n".join(["| name | unit | is |", "|---|---|---|", *rows])
+
+
+def measures_table() -> str:
+    """Return the measures of a sweep that have a name as a table."""
+    rows = [f"| `{name}` | {one.unit} | {one.meaning} |" for name, one in MEASURES.items()]
+    return "\n".join(["| name | unit | is |", "|---|---|---|", *rows])
 
 
 def command_line() -> str:

@@ -12,6 +12,7 @@ from .analysis.l2_gain import GainBound, damping_for_gain, l2_gain, measured_l2_
 from .analysis.linearization import Linearization, linearize
 from .analysis.model_comparison import ModelComparison, compare_models
 from .analysis.modes import Mode
+from .analysis.safe_set import SafeSet, safe_set
 from .analysis.sampled_loop import SampledLoop
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "Linearization",
     "Mode",
     "ModelComparison",
+    "SafeSet",
     "SampledLoop",
     "casimirs",
     "certify",
@@ -35,4 +37,5 @@ __all__ = [
     "l2_gain",
     "linearize",
     "measured_l2_gain",
+    "safe_set",
 ]

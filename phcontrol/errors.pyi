@@ -5,6 +5,7 @@
 from .compilation.errors import CompilationError, CompilationWarning, NotTraceableError
 from .controllers.law_error import LawError
 from .exceptions import (
+    AnswerError,
     DataFileError,
     InvalidArgumentError,
     MissingMeasurementError,
@@ -17,13 +18,16 @@ from .exceptions import (
 )
 from .runtime.arm_error import ArmError
 from .simulation.simulation_error import SimulationError, SimulationInterrupted
+from .sweeps.engine import EngineError
 from .trajectories.inverse_kinematics import UnreachableTargetError
 
 __all__ = [
+    "AnswerError",
     "ArmError",
     "CompilationError",
     "CompilationWarning",
     "DataFileError",
+    "EngineError",
     "InvalidArgumentError",
     "LawError",
     "MissingMeasurementError",

@@ -19,6 +19,7 @@ from phcontrol import (
     CompilationError,
     CompilationWarning,
     DataFileError,
+    EngineError,
     InvalidArgumentError,
     LawError,
     MissingMeasurementError,
@@ -36,6 +37,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.sweeps.chunk import VersionError
 from phcontrol.trajectories.inverse_kinematics import Posture
 from tests.conftest import make_system
 
@@ -62,6 +64,8 @@ EXAMPLES = {
     ),
     DataFileError: lambda: DataFileError("cannot read"),
     ArmError: lambda: ArmError("the robot stopped"),
+    EngineError: lambda: EngineError("its process was killed"),
+    VersionError: lambda: VersionError("a worker has another phcontrol"),
     CompilationError: lambda: CompilationError("the compiler failed"),
     NotTraceableError: lambda: NotTraceableError("law cannot be compiled"),
     CompilationWarning: lambda: CompilationWarning("no C compiler was found"),

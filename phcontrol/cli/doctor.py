@@ -30,6 +30,8 @@ _OPTIONAL = {  # module: package, extra, what for
     "mujoco": ("mujoco", "mujoco", "MuJoCo as a plant: MujocoArm"),
     "xacrodoc": ("xacrodoc", "models", "robots from xacro files"),
     "robot_descriptions": ("robot_descriptions", "models", "robots by the names of robot_descriptions"),
+    "pyarrow": ("pyarrow", "sweeps", "results of phcontrol sweep"),
+    "distributed": ("distributed", "cluster", "sweeps on Dask: phcontrol sweep --scheduler"),
     "cv2": ("opencv-python-headless", "vision", "features out of images"),
 }
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+import time
+from collections.abc import Callable, Generator, Iterable
 from types import TracebackType
 from typing import Any
 
 from phcontrol._version import __version__
 from phcontrol.sweeps.engine import EngineError, Finished
 
+_EVERY = 5.0  # how often the workers are counted [s]
 _AHEAD = 2  # tasks for each thread that are on their way
 
 
@@ -63,16 +66,20 @@ class DaskScheduler:
         threads = self._client.nthreads()
         self.workers = max(1, sum(threads.values()))
 
-    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Finished]:
+    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Generator[Finished, None, None]:
         """Yield what came of ``task(item)`` of each item, as they finish."""
         from distributed import as_completed
 
         waiting = iter(items)
         given: dict[Any, Any] = {}
-        running = as_completed(with_results=False, loop=self._client.loop)
+        running = as_completed(with_results=True, raise_errors=False, loop=self._client.loop)
+        window, asked = 0, -math.inf
 
         def more() -> None:
-            window = _AHEAD * max(1, sum(self._client.nthreads().values()))
+            nonlocal window, asked
+            if time.monotonic() - asked > _EVERY:  # workers come and go
+                threads = sum(self._client.nthreads().values())
+                window, asked = _AHEAD * max(1, threads), time.monotonic()
             while len(given) < window:
                 item = next(waiting, given)
                 if item is given:
@@ -84,15 +91,16 @@ class DaskScheduler:
         try:
             more()
             while given:
-                future = next(running)
+                future, result = next(running)
                 item = given.pop(future)
-                error = future.exception()
-                if error is None:
-                    found = Finished(item, future.result(), None)
-                elif type(error).__module__.partition(".")[0] == "distributed":  # KilledWorker and its like
-                    found = Finished(item, None, EngineError(" ".join(str(error).split())))
+                if future.status == "finished":
+                    found = Finished(item, result, None)
+                elif future.status == "error":
+                    error = result[1]
+                    ours = type(error).__module__.partition(".")[0] != "distributed"  # no KilledWorker, or its like
+                    found = Finished(item, None, error if ours else EngineError(" ".join(str(error).split())))
                 else:
-                    found = Finished(item, None, error)
+                    found = Finished(item, None, EngineError(f"Dask has given the task up: {result}"))
                 future.release()
                 more()
                 yield found

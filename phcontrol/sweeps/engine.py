@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from typing import Any, NamedTuple, Protocol
 
 from phcontrol.exceptions import PHControlError
@@ -29,7 +29,7 @@ class Engine(Protocol):
     workers: int
     """How many tasks run at a time."""
 
-    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Finished]:
+    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Generator[Finished, None, None]:
         """Yield what came of ``task(item)`` of each item, as they finish.
 
         ``task`` is a function of a module that can be imported there; items are taken as they are needed. When the

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from typing import IO, Any
 
 from phcontrol._validation import count, flag
@@ -39,7 +39,7 @@ class LocalProcesses:
         self.workers = processors() if workers is None else count("workers", workers)
         self._fresh, self._attempts = flag("fresh", fresh), count("attempts", attempts)
 
-    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Finished]:
+    def run(self, task: Callable[[Any], Any], items: Iterable[Any]) -> Generator[Finished, None, None]:
         """Yield what came of ``task(item)`` of each item, as they finish."""
         waiting, lock, stopped = iter(items), threading.Lock(), threading.Event()
         done: queue.Queue[Finished | BaseException | None] = queue.Queue(2 * self.workers)

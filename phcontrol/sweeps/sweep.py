@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -37,7 +38,7 @@ class Sweep(Scenarios):
 
     Args:
         vary: how each quantity is drawn, by name (``VARIABLES``; ``gain.NAME`` and ``gain_factor.NAME`` of the law):
-            a list of values, or what :class:`~phcontrol.sweeps.distribution.Distribution` takes.
+            a list of values, or what ``Distribution`` takes.
         measures: names (``MEASURES``), "my_module:function", functions of a log, or functions by name.
         sampling: ``method`` ("random", "latin_hypercube", "sobol", "grid", "list"), ``runs``, ``seed``, and ``chunk``,
             how many runs make a task and a part of the results.
@@ -134,21 +135,16 @@ class Sweep(Scenarios):
         chunks = (Chunk(self.given, self.hash, first, self._end(first), compiled, __version__) for first in missing)
         total = sum(self._end(first) - first for first in missing)
         failed: dict[int, Exception] = {}
-        with Progress(self.runs, self.runs - total, progress) as bar:
-            found = at_work.run(run_chunk, chunks)
-            try:
-                for done in found:
-                    if done.error is not None:
-                        failed[done.item.first] = done.error
-                        if not isinstance(done.error, EngineError):
-                            raise done.error
-                        continue
-                    bad = folder.write(done.item.first, done.value)
-                    bar.advance(done.item.last - done.item.first, bad)
-            finally:
-                close = getattr(found, "close", None)
-                if close is not None:
-                    close()
+        with contextlib.ExitStack() as stack:
+            bar = stack.enter_context(Progress(self.runs, self.runs - total, progress))
+            for done in stack.enter_context(contextlib.closing(at_work.run(run_chunk, chunks))):
+                if done.error is not None:
+                    failed[done.item.first] = done.error
+                    if not isinstance(done.error, EngineError):
+                        raise done.error
+                    continue
+                bad = folder.write(done.item.first, done.value)
+                bar.advance(done.item.last - done.item.first, bad)
         if failed:
             first, error = next(iter(failed.items()))
             raise EngineError(

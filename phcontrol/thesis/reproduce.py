@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-import platform
-import subprocess
-import sys
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pinocchio as pin
-import scipy
 from tqdm import tqdm
 
 from phcontrol._files import write_json, write_text
 from phcontrol._validation import choice, count, flag
-from phcontrol._version import __version__
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.exceptions import DataFileError
 from phcontrol.runs.task_folder import clear, read_done, read_json, take
+from phcontrol.sweeps.engine import EngineError
+from phcontrol.sweeps.local_processes import LocalProcesses
 from phcontrol.thesis.grasping_readings import grasping_by_reading
 from phcontrol.thesis.registry import STUDIES
 from phcontrol.thesis.tally import Tally
+from phcontrol.thesis.task import Task, run_task
+from phcontrol.thesis.versions import versions
 
 CERTIFIED = ("pera", "pera_shoulder_elbow", "pera_shoulder", "pera_gripper")
 """The thesis's arms; each is one task, "certificates-NAME"."""
@@ -88,17 +85,6 @@ def _is_figure(name: str) -> bool:
 def _number(figure: str) -> list[int]:
     """Return 4, 10 of "fig-4-10"."""
     return [int(part) for part in figure.split("-")[1:]]
-
-
-def versions() -> dict[str, str]:
-    """Return the versions that numbers depend on."""
-    return {
-        "phcontrol": __version__,
-        "pinocchio": pin.__version__,
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "python": platform.python_version(),
-    }
 
 
 def reproduce(
@@ -197,51 +183,22 @@ def _check_certificates(rows: Any, folder: Path) -> None:
 
 
 def _run_all(names: list[str], folder: Path, workers: int, disable: bool | None) -> dict[str, str]:
-    """Run tasks in processes; return the reasons of those that failed."""
+    """Run tasks, each in a process of its own; return the reasons of those that failed."""
     # what takes longest begins first: the studies of our own are wider than the thesis's figures
-    order = sorted(names, key=_is_figure)
-    running: set[subprocess.Popen[str]] = set()
+    tasks = [Task(name, folder.absolute() / name) for name in sorted(names, key=_is_figure)]
     failed: dict[str, str] = {}
-    pool = ThreadPoolExecutor(workers)
-    try:
-        futures: dict[Future[str], str] = {pool.submit(_run_task, name, folder, running): name for name in order}
-        with tqdm(total=len(names), unit="task", disable=disable, leave=False) as bar:
-            for future in as_completed(futures):
-                if future.result():
-                    failed[futures[future]] = future.result()
-                bar.set_postfix_str(futures[future])
-                bar.update()
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in list(running):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown()
+    engine = LocalProcesses(workers, fresh=True, attempts=1)
+    with (
+        tqdm(total=len(names), unit="task", disable=disable, leave=False) as bar,
+        contextlib.closing(engine.run(run_task, tasks)) as running,
+    ):
+        for done in running:
+            if done.error is not None:
+                kind = "" if isinstance(done.error, EngineError) else f"{type(done.error).__name__}: "
+                failed[done.item.name] = kind + " ".join(str(done.error).split())
+            bar.set_postfix_str(done.item.name)
+            bar.update()
     return failed
-
-
-def _run_task(name: str, folder: Path, running: set[subprocess.Popen[str]]) -> str:
-    """Run one task in a process of its own; return why it failed, or nothing."""
-    one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    # the modules of this process, never those of a folder that it happens to be run in
-    code = f"import sys; sys.path[:] = {sys.path!r}; from phcontrol.thesis.task import main; main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, name, str(folder / name), str(os.getpid())],
-        env=os.environ | one_thread,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,  # the keyboard's interrupt is ours to pass on
-    )
-    running.add(process)
-    complaints = process.communicate()[1]
-    running.discard(process)
-    if process.returncode == 0:
-        return ""
-    lines = complaints.strip().splitlines()
-    return lines[-1] if lines else f"ended with code {process.returncode}"
 
 
 def _collect(names: list[str], folder: Path, failed: dict[str, str]) -> dict[str, Any]:

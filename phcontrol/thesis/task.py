@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import threading
-import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from phcontrol._files import write_json, write_text
 from phcontrol.analysis.certify import certify
 from phcontrol.controllers.registry import CONTROLLERS, make_controller
-from phcontrol.exceptions import InvalidArgumentError, PHControlError
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.loading import load_robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.task_folder import clear, finish, take
 from phcontrol.thesis.registry import STUDIES, run_study
-from phcontrol.thesis.reproduce import versions
+from phcontrol.thesis.versions import versions
 from phcontrol.visualization.page import meshcat_script
 from phcontrol.visualization.recording import recorded_page
 
 
-def run_task(name: str, folder: Path) -> None:
+class Task(NamedTuple):
+    """What a process is given."""
+
+    name: str
+    """Of a study, or "certificates-ARM"."""
+    folder: Path
+
+
+def run_task(task: Task) -> None:
     """Run a study or an arm's certificates, and write what came of it; the mark that it is done comes last.
 
     Raises DataFileError where the folder is not a task's.
     """
+    name, folder = task
     take(folder, name)
     clear(folder, name)
     if name in STUDIES:
@@ -62,20 +67,3 @@ def certificates(robot: str) -> list[dict[str, Any]]:
                 break
             rows.append({"law": law} | certify(controller, system).to_dict())
     return rows
-
-
-def _end_with(parent: int) -> None:
-    """End this process soon after its parent, however that ended: two may not write into one folder."""
-    while os.getppid() == parent:
-        time.sleep(0.2)
-    os._exit(1)
-
-
-def main() -> None:
-    """Run the task that the command line names: NAME FOLDER PARENT."""
-    name, folder, parent = sys.argv[1:]
-    threading.Thread(target=_end_with, args=(int(parent),), daemon=True).start()
-    try:
-        run_task(name, Path(folder))
-    except PHControlError as error:
-        sys.exit(f"{type(error).__name__}: {error}")

@@ -20,6 +20,7 @@ from phcontrol._files import write_json
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.runs.task_folder import DONE, finish, take
 from phcontrol.thesis import reproduce as module
+from phcontrol.thesis import versions
 from phcontrol.thesis.claim import Claim
 from phcontrol.thesis.finding import Finding
 from phcontrol.thesis.origin import Origin
@@ -71,7 +72,7 @@ def test_what_is_finished_is_kept_and_numbers_do_not_change(done, tmp_path):
 def test_results_of_other_versions_are_run_again(done, monkeypatch):
     folder, _ = done
     assert module._finished(folder / "fig-2-3")
-    monkeypatch.setattr(module, "__version__", "0.0.0")
+    monkeypatch.setattr(versions, "__version__", "0.0.0")
     assert not module._finished(folder / "fig-2-3")
 
 
@@ -294,14 +295,14 @@ def test_the_folder_of_one_task_is_not_that_of_another(copy):
 def test_no_certificate_is_no_success(tmp_path, monkeypatch):
     """A task that ends well and leaves nothing has failed; one that was not asked for is not counted."""
 
-    def leaves_nothing(name, folder, running):
-        take(folder / name, name)
-        finish(
-            folder / name, name, [write_json(folder / name / "certificates.json", [])], {"versions": module.versions()}
-        )
-        return ""
+    def leave_nothing(names, folder, workers, disable):
+        for name in names:
+            take(folder / name, name)
+            files = [write_json(folder / name / "certificates.json", [])]
+            finish(folder / name, name, files, {"versions": versions.versions()})
+        return {}
 
-    monkeypatch.setattr(module, "_run_task", leaves_nothing)
+    monkeypatch.setattr(module, "_run_all", leave_nothing)
     result = reproduce(tmp_path, only=[ARM], progress=False)
     assert not result.passed
     assert "FAILED: certificates-pera_gripper" in result.summary()
