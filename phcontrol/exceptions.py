@@ -56,7 +56,14 @@ class InvalidArgumentError(PHControlError, ValueError):
 
 
 class AnswerError(InvalidArgumentError):
-    """A method of a law answered with something else than it is asked for. The message names class and method."""
+    """A method of a law answered with something else than it is asked for. The message names class and method.
+
+    Example:
+        >>> from phcontrol import AnswerError, EnergyShaping
+        >>> error = AnswerError(EnergyShaping, "storage", "returned a list, expected a number [J]")
+        >>> print(error)
+        EnergyShaping.storage returned a list, expected a number [J]
+    """
 
     def __init__(self, law: type, method: str, problem: str) -> None:
         PHControlError.__init__(self, f"{law.__name__}.{method} {problem}")

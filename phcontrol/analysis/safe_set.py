@@ -52,6 +52,13 @@ class SafeSet:
     """{H_d ≤ c}: what starts in it stays in it, and inside the limits, while nothing from outside brings in more.
 
     Made by :func:`safe_set`. For the model of the law, under continuous control and without a ramp.
+
+    Example:
+        >>> from phcontrol import MechanicalSystem, load_robot, make_controller, safe_set
+        >>> law = make_controller("energy_shaping", MechanicalSystem(load_robot("pera")))
+        >>> found = safe_set(law, keep=("position", "velocity"))
+        >>> found.margin(law.goal) == found.level == found.levels[found.binding]
+        True
     """
 
     controller: Controller = field(repr=False)

@@ -23,7 +23,15 @@ MET = 0.02
 
 @dataclass(frozen=True)
 class DesignedGains:
-    """Gains for a specification, with what the loop about its rest then does."""
+    """Gains for a specification, with what the loop about its rest then does.
+
+    Example:
+        >>> from phcontrol import DesiredBandwidth, MechanicalSystem, design_gains, load_robot
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> found = design_gains("integral_action", system, DesiredBandwidth(9.0, 0.8))
+        >>> found.met, found.stable, len(found.poles) == len(found.linear.eigenvalues)
+        (True, True, True)
+    """
 
     controller: str
     """Name of the law."""

@@ -25,7 +25,13 @@ class Choice(NamedTuple):
 
 
 class Specification(ABC):
-    """What a closed loop should do, from which ``design_gains`` makes the gains of a law."""
+    """What a closed loop should do, from which ``design_gains`` makes the gains of a law.
+
+    Example:
+        >>> from phcontrol import DesiredBandwidth, Specification
+        >>> isinstance(DesiredBandwidth(6.0, 0.7), Specification), str(DesiredBandwidth(6.0, 0.7))
+        (True, 'bandwidth 6 rad/s, damping ratio 0.7')
+    """
 
     @abstractmethod
     def choose(self, problem: DesignProblem) -> Choice:

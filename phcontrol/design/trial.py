@@ -6,7 +6,13 @@ from typing import NamedTuple
 
 
 class Trial(NamedTuple):
-    """Gains that ``tune`` tried, and what came of it."""
+    """Gains that ``tune`` tried, and what came of it.
+
+    Example:
+        >>> from phcontrol import Trial
+        >>> Trial({"stiffness": (2.0,)}, float("inf"), "the loop is unstable").reason
+        'the loop is unstable'
+    """
 
     factors: dict[str, tuple[float, ...]]
     """Of each gain, over those that it began with: one, or one a joint."""

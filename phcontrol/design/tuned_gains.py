@@ -13,7 +13,20 @@ from phcontrol.design.trial import Trial
 
 @dataclass(frozen=True, eq=False)
 class TunedGains:
-    """Gains that make an objective small over scenarios."""
+    """Gains that make an objective small over scenarios.
+
+    Example:
+        >>> import numpy as np
+        >>> from phcontrol import MechanicalSystem, load_robot, tune
+        >>> system = MechanicalSystem(load_robot("pera_shoulder"))
+        >>> goal = system.robot.near_home()
+        >>> scenarios = [{"q0": system.robot.home, "duration": 0.2, "dt": 2e-3}]
+        >>> def error(log):
+        ...     return float(np.linalg.norm(log.position[-1] - goal))
+        >>> found = tune("energy_shaping", error, scenarios, system=system, goal=goal, evaluations=8)
+        >>> found.value == min(trial.value for trial in found.history)
+        True
+    """
 
     law: Controller = field(repr=False)
     """The law with these gains."""

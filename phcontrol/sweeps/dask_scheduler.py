@@ -27,6 +27,14 @@ class DaskScheduler:
     Raises:
         EngineError: Dask is not installed, nobody answers there, there is no worker, or a worker has another version
             of phcontrol, or none.
+
+    Example:
+        >>> from distributed import LocalCluster
+        >>> from phcontrol import DaskScheduler
+        >>> with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        ...     with DaskScheduler(cluster.scheduler_address) as engine:
+        ...         sorted(done.value for done in engine.run(len, ["a", "bc"]))
+        [1, 2]
     """
 
     def __init__(self, address: str, *, timeout: float = 10.0) -> None:

@@ -9,7 +9,16 @@ from phcontrol.exceptions import PHControlError
 
 
 class EngineError(PHControlError):
-    """No processor took a task: a scheduler that is not there, a process that was killed, another phcontrol."""
+    """No processor took a task: a scheduler that is not there, a process that was killed, another phcontrol.
+
+    Example:
+        >>> from phcontrol import DaskScheduler, EngineError
+        >>> try:
+        ...     DaskScheduler("tcp://127.0.0.1:1", timeout=0.2)
+        ... except EngineError as error:
+        ...     print("refused:", str(error)[:25])
+        refused: no Dask scheduler answers
+    """
 
 
 class Finished(NamedTuple):
@@ -24,7 +33,15 @@ class Finished(NamedTuple):
 
 
 class Engine(Protocol):
-    """Carries out a task for many items, in any order."""
+    """Carries out a task for many items, in any order.
+
+    Example:
+        >>> from collections import Counter
+        >>> from phcontrol import Engine, LocalProcesses
+        >>> engine: Engine = LocalProcesses(workers=2)
+        >>> sorted(done.value for done in engine.run(len, ["a", "bc", "def"]))
+        [1, 2, 3]
+    """
 
     workers: int
     """How many tasks run at a time."""

@@ -33,6 +33,12 @@ class LocalProcesses:
         workers: processes at a time; by default one for each processor that there is for this process.
         fresh: a new process for each task.
         attempts: how often a task is begun whose process dies.
+
+    Example:
+        >>> import math
+        >>> from phcontrol import LocalProcesses
+        >>> {done.item: done.value or str(done.error) for done in LocalProcesses(2).run(math.sqrt, [4.0, 9.0])} == {4.0: 2.0, 9.0: 3.0}
+        True
     """
 
     def __init__(self, workers: int | None = None, *, fresh: bool = False, attempts: int = ATTEMPTS) -> None:

@@ -21,6 +21,20 @@ class SweepResults:
     """What there is of a sweep: a column for each quantity and each measure, a row for each run.
 
     Made by :meth:`Sweep.run`, or by :meth:`read`.
+
+    Example:
+        >>> import tempfile
+        >>> from phcontrol import Sweep, SweepResults
+        >>> sweep = Sweep(
+        ...     arm={"robot": "pera_shoulder"}, law={"name": "energy_shaping"}, run={"duration": 0.2},
+        ...     vary={"mass_factor": {"uniform": [0.9, 1.1]}}, sampling={"method": "sobol", "runs": 2},
+        ...     measures=["final_error"],
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     found = sweep.run(folder + "/sweep", progress=False)
+        ...     again = SweepResults.read(folder + "/sweep")
+        >>> again.parameters, again.measures, len(again)
+        (['mass_factor'], ['final_error'], 2)
     """
 
     def __init__(self, folder: Path, manifest: dict[str, Any], table: Any) -> None:
