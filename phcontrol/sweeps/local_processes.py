@@ -37,7 +37,8 @@ class LocalProcesses:
     Example:
         >>> import math
         >>> from phcontrol import LocalProcesses
-        >>> {done.item: done.value or str(done.error) for done in LocalProcesses(2).run(math.sqrt, [4.0, 9.0])} == {4.0: 2.0, 9.0: 3.0}
+        >>> found = {done.item: done.value for done in LocalProcesses(2).run(math.sqrt, [4.0, 9.0])}
+        >>> found == {4.0: 2.0, 9.0: 3.0}
         True
     """
 
