@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,8 +120,10 @@ def test_a_drive_that_would_not_end_is_refused(things):
     loop, arm = make_loop()
     with pytest.raises(InvalidArgumentError, match="duration: of 1e.09 s has 1e.12 periods of 0.001 s"):
         drive(loop, arm, 1e9)
-    with pytest.raises(InvalidArgumentError, match="driver: must be a driver of an arm"):
+    with pytest.raises(InvalidArgumentError, match="driver: NoneType does not say its pace"):
         drive(loop, None, 1.0)
+    with pytest.raises(InvalidArgumentError, match="driver: SimpleNamespace has no read: it is no ArmDriver"):
+        drive(loop, SimpleNamespace(pace="write", gravity="controller"), 1.0)
     with pytest.raises(InvalidArgumentError, match="each_step: must be a function"):
         drive(loop, arm, 1.0, each_step=3)
 

@@ -138,6 +138,9 @@ def drive(
         )
     paced = _declared(driver, "pace", get_args(Pace)) == "clock"
     loop.gravity = _declared(driver, "gravity", GRAVITY)
+    for name in ("read", "write"):
+        if not callable(getattr(driver, name, None)):
+            raise InvalidArgumentError("driver", f"{type(driver).__name__} has no {name}: it is no ArmDriver")
     start, k = time.perf_counter(), 0
     last: Reading | None = None
     while k < steps:
@@ -172,8 +175,6 @@ def drive(
 def _declared(driver: object, name: str, options: tuple[str, ...]) -> Any:
     """Return what a driver says of itself. Raises InvalidArgumentError where it does not."""
     value = getattr(driver, name, None)
-    if not callable(getattr(driver, "read", None)) or not callable(getattr(driver, "write", None)):
-        raise InvalidArgumentError("driver", f"must be a driver of an arm (ArmDriver), but is {type(driver).__name__}")
     if value not in options:
         listing = " or ".join(f"'{option}'" for option in options)
         said = "does not say" if value is None else f"says {value!r} for"
