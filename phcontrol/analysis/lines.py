@@ -14,13 +14,14 @@ from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
+from phcontrol.analysis.state_sampler import FIRST_TIME, reference_velocity
 from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import wrapped
 from phcontrol.mechanics.system import MechanicalSystem
 
 _CHORDS, _POINTS, _COMMANDS = 24, 33, 2  # between states, energies on each, and every so manieth command
-_RAYS, _DISTANCES = 16, 25  # into the rest point, and distances on each
+_RAYS, _FOR_JOINTS, _DISTANCES = 3, 8, 25  # into the rest point for each of so many joints, and distances on each
 _NEAREST = 1e-6  # of these, in natural units
 _NEAREST_SEEN = 1e-4  # likewise, of a law with eyes: its features have fewer digits
 _SUSPECTS = 3  # intervals that are looked at more closely
@@ -164,7 +165,7 @@ def lines_of(
     rest, towards rest and away from it, and through it at some speed.
     """
     share = min(1.0, 10.0 / plant.n)
-    chords, rays = max(4, int(_CHORDS * share)), max(4, int(_RAYS * share))
+    chords, rays = max(4, int(_CHORDS * share)), _RAYS * min(plant.n, _FOR_JOINTS)
     pairs = zip(states[: 2 * chords : 2], states[1 : 2 * chords : 2], strict=False)
     return [
         *(_chord(law, plant, *pair, later=bool(k % 2)) for k, pair in enumerate(pairs)),
@@ -216,7 +217,11 @@ def _chord(law: Controller, plant: MechanicalSystem, start: SampledState, end: S
 
 def _rays(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: RestPoint, count: int) -> Iterator[Line]:
     n, generator = plant.n, np.random.default_rng(0)
-    scene = law.rest_scene(law.system.at(rest.position))
+    time, goal, still = rest.time, rest.position, rest.velocity
+    if law.time_span:  # matching takes differences in time
+        time = max(time, FIRST_TIME)
+        goal, still = np.array(law.rest_posture(time)), reference_velocity(law, time)
+    scene = law.rest_scene(law.system.at(goal))
     nearest, farthest = (_NEAREST, 1.0) if scene is None else (_NEAREST_SEEN, 1e-2)
     some = list(combinations(range(n), 2))
     generator.shuffle(some)
@@ -229,9 +234,8 @@ def _rays(law: Controller, plant: MechanicalSystem, units: NaturalUnits, rest: R
         aside = generator.uniform(-1.0, 1.0, n) if through else direction
         velocity = moving * units.speed * aside
         charged = (k % 2) * generator.uniform(-1.0, 1.0, units.state.size) * units.state
-        at = SampledState(
-            rest.time, rest.position, rest.velocity + (velocity if through else 0.0), rest.state, rest.force, scene, ""
-        )
+        begun = still + velocity if through else still
+        at = SampledState(time, goal, begun, rest.state, rest.force, scene, "")
         change = at._replace(
             time=0.0,
             position=direction * units.position,

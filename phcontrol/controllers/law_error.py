@@ -34,7 +34,8 @@ class LawError(PHControlError):
     def __init__(self, law: str, place: str, problem: BaseException) -> None:
         kind = "" if isinstance(problem, PHControlError) else f"{type(problem).__name__}: "
         text = problem.msg if isinstance(problem, SyntaxError) else str(problem)
-        super().__init__(f"{f'{place}: ' if place else ''}{law} raised {kind}{text}")
+        words = f"{law}: " if isinstance(problem, AnswerError) else f"{law} raised {kind}"
+        super().__init__(f"{f'{place}: ' if place else ''}{words}{text}")
         self.law, self.place = law, place
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from phcontrol import AnswerError, EnergyShaping, InvalidArgumentError, UnknownNameError, certify, simulate
+from phcontrol.runtime.measured_borders import MeasuredBorders
 from tests.analysis.test_red_team import replaced
 from tests.conftest import make_system
 
@@ -115,7 +116,12 @@ def test_malformed_words_are_named_too(name, value, words):
 )
 def test_needs_that_are_none_are_refused(needs, error, words):
     law = type("MyLaw", (EnergyShaping,), {"needs": needs}).tuned(make_system("pera_shoulder"))
-    for use in (lambda: certify(law, samples=1), lambda: simulate(law.system, law, duration=0.01)):
+    uses = (
+        lambda: certify(law, samples=1),
+        lambda: simulate(law.system, law, duration=0.01),
+        lambda: MeasuredBorders(law, law.system.robot),  # of a control loop
+    )
+    for use in uses:
         with pytest.raises(error, match=words):
             use()
 
