@@ -61,7 +61,8 @@ def design(
 ) -> None:
     """Make a law's gains from what its loop should do, or from what limits it.
 
-    Says what the loop then does, and prints the command that uses them. Exit code 1 if the arm's friction keeps them from it, or a mode grows.
+    Says what the loop then does, and prints the command that uses them. Exit code 1 if the arm's friction keeps them
+    from it, or a mode grows.
     """
     system, entry = system_of(robot, lock, armature), law_of(controller)
     specification = _specification(
