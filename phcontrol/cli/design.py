@@ -59,9 +59,10 @@ def design(
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make the gains of a law from what its loop should do, and say what it does, with the command that uses them.
+    """Make a law's gains from what its loop should do, or from what limits it.
 
-    Exit code 1 if the arm's friction keeps them from it, or a mode grows.
+    Says what the loop then does, and prints the command that uses them. Exit code 1 if the arm's friction keeps them
+    from it, or a mode grows.
     """
     system, entry = system_of(robot, lock, armature), law_of(controller)
     specification = _specification(
