@@ -58,17 +58,21 @@ def maps_figure(results: SweepResults, measure: str) -> Figure:
     kept = ~results.failed
     values = results.column(measure)[kept]
     finite = values[np.isfinite(values)]
-    norm = _norm(finite)
+    few = len(pairs[0]) == 1 or len(values) < 4 * _EMPTY_PART
+    drawn = [[results.column(name)[kept] for name in pair] for pair in pairs]
+    maps = [] if few else [_largest(across, up, values) for across, up in drawn]
+    seen = finite if few else np.concatenate([table[np.isfinite(table)] for _, _, table in maps])
+    style: dict[str, Any] = {"norm": _norm(seen), "cmap": "viridis"}
     image: Any = None
     for place, pair in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, place + 1)
-        if len(pair) == 1 or len(values) < 4 * _EMPTY_PART:
-            across = results.column(pair[0])[kept]
-            up = results.column(pair[1])[kept] if len(pair) > 1 else values
+        if few:
+            up = drawn[place][1] if len(pair) > 1 else values
             shown = np.where(np.isfinite(values), values, finite.max(initial=1.0))
-            image = axes.scatter(across, up, c=shown, norm=norm, cmap="viridis", s=18)
+            image = axes.scatter(drawn[place][0], up, c=shown, s=18, **style)
         else:
-            image = _map(axes, results.column(pair[0])[kept], results.column(pair[1])[kept], values, norm)
+            across, up, table = maps[place]
+            image = axes.pcolormesh(across, up, np.ma.array(table, mask=table == -np.inf), **style)
         axes.set_xlabel(_label(results, pair[0]))
         axes.set_ylabel(_label(results, pair[1]) if len(pair) > 1 else measure)
     if image is not None:
@@ -76,8 +80,8 @@ def maps_figure(results: SweepResults, measure: str) -> Figure:
     return figure
 
 
-def _map(axes: Any, across: Array, up: Array, values: Array, norm: Normalize) -> Any:
-    """Draw the largest value in each field of a plane."""
+def _largest(across: Array, up: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Return the edges of fields of a plane, and the largest value in each: −∞ where there is none."""
     fields = int(np.clip(np.sqrt(len(values) / _EMPTY_PART), 3, _FIELDS))
     places, edges = [], []
     for column in (across, up):
@@ -93,8 +97,7 @@ def _map(axes: Any, across: Array, up: Array, values: Array, norm: Normalize) ->
         places.append(np.clip(np.searchsorted(edge, column, side="right") - 1, 0, len(edge) - 2))
     table = np.full((len(edges[1]) - 1, len(edges[0]) - 1), -np.inf)
     np.maximum.at(table, (places[1], places[0]), values)
-    empty = table == -np.inf
-    return axes.pcolormesh(edges[0], edges[1], np.ma.array(table, mask=empty), norm=norm, cmap="viridis")
+    return edges[0], edges[1], table
 
 
 def _norm(values: Array) -> Normalize:

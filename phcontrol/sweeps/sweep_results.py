@@ -20,7 +20,7 @@ INDEPENDENT = ("random", "latin_hypercube", "sobol")
 class SweepResults:
     """What there is of a sweep: a column for each quantity and each measure, a row for each run.
 
-    Made by :meth:`Sweep.run`, or by :meth:`read`.
+    Made by ``Sweep.run``, or by ``read``.
 
     Example:
         >>> import tempfile
