@@ -12,9 +12,9 @@ from phcontrol.cli.arm import system_of
 from phcontrol.cli.options import ArmatureOption, LockOption, PayloadOption, RotorOption
 from phcontrol.cli.showing import check_writable
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.identification.identify import SMOOTHING, UNTOLD
+from phcontrol.identification.identify import UNTOLD
 from phcontrol.identification.identify import identify as identify_parameters
-from phcontrol.identification.parameters import GROUPS
+from phcontrol.identification.parameters import GROUPS, SMOOTHING
 from phcontrol.simulation.log import Log
 
 

@@ -23,7 +23,7 @@ def law_command(name: str, general: Callable[..., None]) -> Callable[..., None]:
 
     command.__signature__ = signature.replace(  # type: ignore[attr-defined]
         parameters=[
-            parameter.replace(annotation=hints[key], **({"default": place} if key == "out" else {}))
+            parameter.replace(annotation=hints[key], default=place if key == "out" else parameter.default)
             for key, parameter in signature.parameters.items()
             if key != "controller"
         ]
