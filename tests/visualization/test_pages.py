@@ -292,7 +292,7 @@ def test_an_axis_of_a_chart_has_three_ticks_at_least(browser, log, tmp_path):
         for (let k = 0; k < 2000; k++) {
           const low = (((k * 7919) % 1000) / 500 - 1) * Math.pow(10, (k % 9) - 4);
           const high = low + (1 + (k % 17)) * Math.pow(10, (k % 11) - 6);
-          const off = 1e-8 * (high - low);
+          const off = 1e-8 * (high - low) + 1e-12 * Math.abs(high);
           for (const wanted of [2, 3, 4, 8]) {
             const found = ticksOf(low, high, wanted).ticks;
             if (found.length < 3 || found.length > 30 || found.some((t) => t < low - off || t > high + off))
