@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 ARM = '''"""The arm: where its description is, and what that leaves out."""
 
@@ -139,7 +140,7 @@ def files_of(title: str, robot: str, source: str, locked: list[str]) -> dict[str
 
 def notebook(cells: list[tuple[str, str]]) -> str:
     """Return a notebook of ("markdown" or "code", text) cells, without outputs, as JSON."""
-    made: list[dict[str, object]] = []
+    made: list[dict[str, Any]] = []
     for number, (kind, text) in enumerate(cells):
         cell = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
         made.append(cell | ({"execution_count": None, "outputs": []} if kind == "code" else {}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from phcontrol import (
     record,
     simulate,
 )
+from phcontrol.visualization import recording
 from phcontrol.visualization.server import PageServer, announce_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -279,3 +281,25 @@ def test_a_page_is_small(tmp_path):
     way = MinimumJerk.within_limits(system.robot, system.robot.home, system.robot.near_home(), fraction=0.05)
     log = simulate(system, make_controller("energy_shaping", system, reference=way), duration=10.0, dt=0.01)
     assert record(log, tmp_path / "run.html").stat().st_size < 1.5e6
+
+
+def test_an_axis_of_a_chart_has_three_ticks_at_least(browser, log, tmp_path):
+    """The functions that choose them, at ranges of every size."""
+    text = (Path(recording.__file__).parent / "assets" / "charts.js").read_text()
+    functions = text[text.index("function ticksOf") : text.index("function tickText")]
+    program = """
+        const bad = [];
+        for (let k = 0; k < 2000; k++) {
+          const low = (((k * 7919) % 1000) / 500 - 1) * Math.pow(10, (k % 9) - 4);
+          const high = low + (1 + (k % 17)) * Math.pow(10, (k % 11) - 6);
+          const off = 1e-8 * (high - low) + 1e-12 * Math.abs(high);
+          for (const wanted of [2, 3, 4, 8]) {
+            const found = ticksOf(low, high, wanted).ticks;
+            if (found.length < 3 || found.length > 30 || found.some((t) => t < low - off || t > high + off))
+              bad.push([low, high, wanted, found.length]);
+          }
+        }
+        return bad;
+    """
+    with browser.open(record(log, tmp_path / "run.html").as_uri()) as page:
+        assert page.evaluate(f"(() => {{ {functions} {program} }})()") == []
