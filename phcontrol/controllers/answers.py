@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, described
 from phcontrol.controllers.command import Command
-from phcontrol.exceptions import AnswerError, InvalidArgumentError, UnknownNameError
+from phcontrol.controllers.controller import Controller
+from phcontrol.exceptions import AnswerError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
-
-if TYPE_CHECKING:
-    from phcontrol.controllers.controller import Controller
-
-_SHORT = 40  # characters of what is shown as it is
 
 
 def stored(law: Controller, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
@@ -55,31 +51,6 @@ def check_vector(law: Controller, method: str, value: Any, size: int | None, wha
         return
     expected = "an array of one dimension" if size is None else f"an array of shape ({size},)"
     raise AnswerError(type(law), method, f"returned {described(value)}{what}, expected {expected}")
-
-
-def check_needs(law: Controller) -> None:
-    """Raise InvalidArgumentError or UnknownNameError unless ``needs`` of a law is a tuple of names of measurements."""
-    needs: Any = law.needs
-    if not isinstance(needs, tuple) or not all(isinstance(name, str) for name in needs):
-        known = ", ".join(map(repr, Measured._fields))
-        message = f'must be a tuple of names of {known}, like ("external_force",), but is {described(needs)}'
-        raise InvalidArgumentError(f"{type(law).__name__}.needs", message)
-    for name in needs:
-        if name not in Measured._fields:
-            raise UnknownNameError("measurement", name, Measured._fields, f" in {type(law).__name__}.needs")
-
-
-def described(value: object) -> str:
-    """Return in words what a method returned."""
-    if isinstance(value, np.ndarray):
-        kind = "" if value.dtype.kind in "fiu" else f" of {value.dtype}"
-        return f"an array of shape {value.shape}{kind}"
-    if value is None or isinstance(value, (bool, int, float, complex, str)):
-        return repr(value)
-    if isinstance(value, (tuple, list)) and len(repr(value)) < _SHORT:
-        return repr(value)
-    name = type(value).__name__
-    return f"{'an' if name[0] in 'aeiouAEIO' else 'a'} {name}"
 
 
 def _where(t: float, x: MechanicalState) -> str:
