@@ -19,6 +19,8 @@ Kind = TypeVar("Kind")
 
 _DECIMAL = re.compile(r"[ \t\r\n]*[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?[ \t\r\n]*")
 
+_SHORT = 40  # characters of what is shown as it is
+
 
 def decimal(text: str) -> float | None:
     """Return the finite decimal number that a text is, or None.
@@ -241,3 +243,16 @@ def whole_multiple(name: str, period: float, step: float) -> int:
     if multiple < 1 or abs(ratio - multiple) > 1e-6 * multiple:
         raise InvalidArgumentError(name, f"must be a whole multiple of dt = {step:g} s, but is {period:g} s")
     return multiple
+
+
+def described(value: object) -> str:
+    """Return in words what a method returned."""
+    if isinstance(value, np.ndarray):
+        kind = "" if value.dtype.kind in "fiu" else f" of {value.dtype}"
+        return f"an array of shape {value.shape}{kind}"
+    if value is None or isinstance(value, (bool, int, float, complex, str)):
+        return repr(value)
+    if isinstance(value, (tuple, list)) and len(repr(value)) < _SHORT:
+        return repr(value)
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIO' else 'a'} {name}"

@@ -238,7 +238,7 @@ class _Examination:
             yield Check.at_most("growth of H_d with time alone", aging.value, MATCHING_TOLERANCE, aging.where)
         jump, where = largest_jump(lines)
         yield Check.at_most("jump of H_d between states", jump, 0.0, where)
-        kink, where = largest_kink(lines)
+        kink, where = largest_kink(lines if law.eyes is None else [])  # of one with eyes features stay on a line
         yield Check.at_most("kink of H_d between states", kink, 0.0, where)
         self._switching = jump_at_switches(law, plant, states)
         self._turning = jump_at_half_turns(law, plant, states)

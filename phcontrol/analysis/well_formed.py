@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, number
+from phcontrol._validation import Array, described, number
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
-from phcontrol.controllers.answers import check_vector, described
+from phcontrol.controllers.answers import check_vector
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.passive_port import PassivePort
 from phcontrol.controllers.shaping import Shaping

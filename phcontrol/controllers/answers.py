@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, described
 from phcontrol.controllers.command import Command
-from phcontrol.exceptions import AnswerError, InvalidArgumentError, UnknownNameError
+from phcontrol.controllers.controller import Controller
+from phcontrol.exceptions import AnswerError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 
-_SHORT = 40  # characters of what is shown as it is
 
-
-class Law(Protocol):
-    """What of a ``Controller`` is asked here."""
-
-    @property
-    def state_size(self) -> int:
-        """How many states it has."""
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The measurements that it reads."""
-
-    def storage(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
-        """Return H_d [J]."""
-
-    def evaluate(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
-        """Return torque and state rate."""
-
-
-def stored(law: Law, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
+def stored(law: Controller, t: float, x: MechanicalState, state: Array, measured: Measured) -> float:
     """Return what a law states as H_d [J]. Raises AnswerError unless it is one finite real number."""
     value: Any = law.storage(t, x, state, measured)
     if (
@@ -48,7 +29,7 @@ def stored(law: Law, t: float, x: MechanicalState, state: Array, measured: Measu
     return float(value)
 
 
-def commanded(law: Law, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
+def commanded(law: Controller, t: float, x: MechanicalState, state: Array, measured: Measured) -> Command:
     """Return what a law orders. Raises AnswerError unless torque and state rate are finite vectors of their lengths."""
     command: Any = law.evaluate(t, x, state, measured)
     if not isinstance(command, Command):
@@ -64,37 +45,12 @@ def commanded(law: Law, t: float, x: MechanicalState, state: Array, measured: Me
     return command
 
 
-def check_vector(law: Law, method: str, value: Any, size: int | None, what: str = "") -> None:
+def check_vector(law: Controller, method: str, value: Any, size: int | None, what: str = "") -> None:
     """Raise AnswerError unless what a method returned is an array of real numbers, of one dimension and a length."""
     if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiu" and size in (None, len(value)):
         return
     expected = "an array of one dimension" if size is None else f"an array of shape ({size},)"
     raise AnswerError(type(law), method, f"returned {described(value)}{what}, expected {expected}")
-
-
-def check_needs(law: Law) -> None:
-    """Raise InvalidArgumentError or UnknownNameError unless ``needs`` of a law is a tuple of names of measurements."""
-    needs: Any = law.needs
-    if not isinstance(needs, tuple) or not all(isinstance(name, str) for name in needs):
-        known = ", ".join(map(repr, Measured._fields))
-        message = f'must be a tuple of names of {known}, like ("external_force",), but is {described(needs)}'
-        raise InvalidArgumentError(f"{type(law).__name__}.needs", message)
-    for name in needs:
-        if name not in Measured._fields:
-            raise UnknownNameError("measurement", name, Measured._fields, f" in {type(law).__name__}.needs")
-
-
-def described(value: object) -> str:
-    """Return in words what a method returned."""
-    if isinstance(value, np.ndarray):
-        kind = "" if value.dtype.kind in "fiu" else f" of {value.dtype}"
-        return f"an array of shape {value.shape}{kind}"
-    if value is None or isinstance(value, (bool, int, float, complex, str)):
-        return repr(value)
-    if isinstance(value, (tuple, list)) and len(repr(value)) < _SHORT:
-        return repr(value)
-    name = type(value).__name__
-    return f"{'an' if name[0] in 'aeiouAEIO' else 'a'} {name}"
 
 
 def _where(t: float, x: MechanicalState) -> str:

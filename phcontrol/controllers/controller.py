@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from phcontrol._differences import central_difference
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array, choice, vector
-from phcontrol.controllers.answers import check_needs
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.declared import Declared, Plant
 from phcontrol.controllers.parameters import REQUIRED, Parameter
@@ -26,7 +25,7 @@ from phcontrol.exceptions import InvalidArgumentError, MissingMeasurementError, 
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.state import INTERCONNECTIONS, MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem, check_system
-from phcontrol.sensors.measured import NOTHING, Measured
+from phcontrol.sensors.measured import NOTHING, Measured, check_needs
 from phcontrol.trajectories.trajectory import Trajectory
 from phcontrol.vision.scene import Eyes, Scene
 
@@ -492,5 +491,5 @@ def check_loop(controller: object, system: object) -> None:
     if not isinstance(getattr(controller, "system", None), MechanicalSystem):
         message = f"must have a system: the constructor of {type(controller).__name__} must call that of Controller"
         raise InvalidArgumentError("controller", message)
-    check_needs(controller)
+    check_needs(type(controller).__name__, controller.needs)
     check_system(system)

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from phcontrol._validation import Array
-from phcontrol.controllers.answers import check_needs
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.robot import Robot
 from phcontrol.runtime.signal_border import SignalBorder
-from phcontrol.sensors.measured import Measured
+from phcontrol.sensors.measured import Measured, check_needs
 
 _LARGEST_FORCE = 5.0  # that is believed at all, relative to the effort limits
 
@@ -30,7 +29,7 @@ class MeasuredBorders:
     """
 
     def __init__(self, controller: Controller, robot: Robot) -> None:
-        check_needs(controller)
+        check_needs(type(controller).__name__, controller.needs)
         self._needs = frozenset(controller.needs)
         effort, image = np.array(robot.effort_limit), _image_scale(controller)
 

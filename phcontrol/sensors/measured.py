@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from phcontrol._validation import Array
+from phcontrol._validation import Array, described
+from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.vision.scene import Scene
 
@@ -53,3 +54,14 @@ def measure_truly(
         if scene is None or "features" not in quantities
         else scene.features(x, scene.initial_state() if scene_state is None else scene_state),
     )
+
+
+def check_needs(law: str, needs: Any) -> None:
+    """Raise InvalidArgumentError or UnknownNameError unless ``needs`` of a law is a tuple of names of measurements."""
+    if not isinstance(needs, tuple) or not all(isinstance(name, str) for name in needs):
+        known = ", ".join(map(repr, Measured._fields))
+        message = f'must be a tuple of names of {known}, like ("external_force",), but is {described(needs)}'
+        raise InvalidArgumentError(f"{law}.needs", message)
+    for name in needs:
+        if name not in Measured._fields:
+            raise UnknownNameError("measurement", name, Measured._fields, f" in {law}.needs")
