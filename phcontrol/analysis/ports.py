@@ -131,8 +131,8 @@ def _passive_port_error(seen: Seen) -> float:
     given = law.passive_port(at.time, seen.view, at.state, seen.measured)
     derived = Controller.passive_port(law, at.time, seen.view, at.state, seen.measured)
     # where p̂ = 0, as on a straight way in that an integral leads, output and resistance are rounding
-    speed = float(np.abs(at.velocity).max())
-    least = (1e-9 * speed, 1e-9 * float(np.abs(derived.resistance).max()), 1e-9 * derived.dissipated_power / speed)
+    speed = float(np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max())
+    least = (1e-9 * speed, 0.0, 1e-9 * derived.dissipated_power / speed)  # of output, power and resistance
     for own, true, floor in zip(given, derived, least, strict=True):
         expected = np.asarray(true, dtype=float)
         scale = max(float(np.abs(expected).max()), floor, 1e-300)
