@@ -847,12 +847,12 @@ def test_specifications_that_make_no_sense(options, message):
     assert message in shown.output
 
 
-BRIEF = ["--duration", "0.05", "--samples", "2"]
+SHORT = ["--duration", "0.05", "--samples", "2"]
 
 
 def test_quiet_says_nothing_beside_json_either(tmp_path):
     """Where results were written stands on stderr beside JSON, and --quiet had left it there."""
-    arguments = ["run", "position", "--robot", "pera_shoulder", *BRIEF, "--out", str(tmp_path), "--json"]
+    arguments = ["run", "position", "--robot", "pera_shoulder", *SHORT, "--out", str(tmp_path), "--json"]
     assert "wrote" in run(*arguments).stderr
     quiet = run(*arguments, "-q")
     assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
@@ -865,22 +865,22 @@ def test_help_says_where_results_go(name):
 
 
 def test_a_run_in_which_nothing_moves_says_so(tmp_path):
-    still = run("run", "cartesian_impedance", "--robot", "ur5", *BRIEF, "--out", str(tmp_path))
+    still = run("run", "cartesian_impedance", "--robot", "ur5", *SHORT, "--out", str(tmp_path))
     assert "nothing moved" in still.stdout
-    pushed = run("run", "cartesian_impedance", "--robot", "ur5", "--push", "0,0,5", *BRIEF, "--out", str(tmp_path))
+    pushed = run("run", "cartesian_impedance", "--robot", "ur5", "--push", "0,0,5", *SHORT, "--out", str(tmp_path))
     assert "nothing moved" not in pushed.stdout
     assert pushed.stdout.count("\n  limits  ") == 1
 
 
 def test_a_run_names_the_limits_of_the_arm_once(tmp_path):
-    said = run("run", "track", "--robot", "ur5", *BRIEF, "--out", str(tmp_path)).stdout
+    said = run("run", "track", "--robot", "ur5", *SHORT, "--out", str(tmp_path)).stdout
     assert sum(line.strip().startswith("limits") for line in said.splitlines()) == 1
     assert "asked of it" in said
 
 
 def test_an_arm_of_few_joints_has_a_hand_too(tmp_path):
     """Three joints were refused, since three numbers may be a point or a posture."""
-    result = run("run", "cartesian_impedance", "--robot", "pera_shoulder_elbow", *BRIEF, "--out", str(tmp_path))
+    result = run("run", "cartesian_impedance", "--robot", "pera_shoulder_elbow", *SHORT, "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert "pera_shoulder_elbow has 3 joints, and a pose six directions" in result.stderr
 
