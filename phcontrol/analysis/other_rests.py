@@ -54,6 +54,8 @@ def other_rests(
 
     goal, here, unit = rest.position, seen.stored(), units.position
     scale = _scales(energy, goal, here, unit)
+    if not np.isfinite(scale).all():
+        return []  # a storage function that is flat has no rest to compare with others
     low, high = _bounds(plant, goal, unit)
     steps = _STEP * np.diag(unit)
 
@@ -84,7 +86,8 @@ def _scales(energy: Callable[[Array], float], goal: Array, here: float, unit: Ar
     """Return by how much each joint moves for what H_d bends most there: so all joints' curvatures are 1 [√J]."""
     bends = _BEND * np.diag(unit)
     curvature = np.array([energy(goal + bend) + energy(goal - bend) - 2.0 * here for bend in bends]) / _BEND**2
-    return unit / np.sqrt(np.maximum(curvature, _FLAT * float(np.abs(curvature).max())))
+    largest = float(np.abs(curvature).max())
+    return unit / np.sqrt(np.maximum(curvature, _FLAT * largest)) if largest else np.full_like(unit, np.inf)
 
 
 def _bounds(plant: MechanicalSystem, goal: Array, unit: Array) -> tuple[Array, Array]:

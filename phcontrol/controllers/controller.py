@@ -136,6 +136,11 @@ class Controller(Declared, ABC):
         """
         return ""
 
+    @property
+    def other_rests(self) -> str:
+        """Why H_d may be as low at other postures as at the goal; empty where the goal alone is its minimum."""
+        return ""
+
     # --- what follows from that; a law may state it in closed form instead -------------------------
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,10 @@ def _led(x: MechanicalState, path: FramePath, t: float) -> _Led:
     motion = resolved_motion(x, path.frame, desired)
     missed = None if motion.missed is NOTHING[len(motion.missed)] else motion.missed
     return _Led(pose_of(desired), motion.velocity, motion.acceleration, missed, x.velocity - motion.velocity)
+
+
+def _has_frames(terms: Iterable[Potential]) -> bool:
+    return any(isinstance(term, FramePotential) for term in terms)
 
 
 class _Reach:
@@ -211,6 +216,12 @@ class ShapedLaw(Controller):
     def time_span(self) -> float:
         """The reference's duration [s]."""
         return 0.0 if self.reference is None else max(self.reference.duration, 1e-3)
+
+    @property
+    def other_rests(self) -> str:
+        """An arm has its hand at one pose in more than one posture, a whole turn away at least."""
+        terms = self.potential.potentials if isinstance(self.potential, Sum) else (self.potential,)
+        return "a frame is at its goal in more than one posture" if _has_frames(terms) else ""
 
     def target_posture(self, t: float) -> Array | None:
         """Return q_d at time t [s]: the law's goal, or the potential's posture where it tells one; else None."""

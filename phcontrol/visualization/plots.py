@@ -99,7 +99,11 @@ def plot_energy(axes: Axes, log: Log) -> Axes:
     largest = max(float(log.storage.max(initial=0.0)), float(log.kinetic_energy.max(initial=0.0)))
     floor = max(1e-18, 1e-12 * largest)
     for values, color, label in ((log.storage, COLORS[0], "storage $H_d$"), (log.kinetic_energy, COLORS[1], "kinetic")):
-        axes.semilogy(log.time, np.where(values > floor, values, np.nan), color=color, label=label)
+        shown = values > floor
+        if shown.any():
+            axes.semilogy(log.time, np.where(shown, values, np.nan), color=color, label=label)
+        else:  # as of a law that follows exactly
+            axes.axhline(floor, color=color, linestyle=":", label=f"{label} below {floor:.0e} J")
     finish(axes, "", "[J]")
     axes.set_title("energy", fontsize=10, color=INK, loc="left")
     axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
