@@ -172,6 +172,8 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if self.task_damping is not None:
             damping = _validation.gain("task_damping", self.task_damping, self._rows)
             self._given_factor = np.asarray(np.linalg.cholesky(damping), dtype=float)
+        self.hand_spring = self.spring(self.wrench)
+        """The part of Ψ that is on the hand."""
         super().prepare()
 
     def _in_goal_axes(self, turn: Array) -> Array:
@@ -182,8 +184,6 @@ class CartesianLaw(TankedLaw, DampedLaw):
 
     def shaped(self) -> Potential:
         """Return the spring on the frame with the wrench, and with posture="spring" one on the joints."""
-        self.hand_spring = self.spring(self.wrench)
-        """The part of Ψ that is on the hand."""
         if self.posture != "spring":
             return self.hand_spring
         if self.reference is not None:
