@@ -338,7 +338,8 @@ class ReportsOnce(EnergyShaping):
 def test_nor_may_a_method_of_its_own():
     certificate = certify(ReportsOnce.tuned(make_system("pera_shoulder")), samples=16)
     assert failed(certificate) == {"command that other methods change"}
-    assert certificate["command that other methods change"].where == "after report() was asked"
+    # it is seen when the question that it changes is asked again, some methods later
+    assert certificate["command that other methods change"].where.endswith("() was asked")
 
 
 def test_a_copy_has_been_asked_nothing():
