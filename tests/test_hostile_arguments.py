@@ -48,8 +48,9 @@ def things():
 
 
 @pytest.mark.parametrize("nonsense", NONSENSE, ids=lambda value: type(value).__name__)
-def test_no_door_lets_a_foreign_exception_out(things, nonsense, tmp_path):
+def test_no_door_lets_a_foreign_exception_out(things, nonsense, tmp_path, monkeypatch):
     """Each is called with something that it cannot use."""
+    monkeypatch.chdir(tmp_path)  # b"x" is a path
     robot, system, law, log = things
     page = tmp_path / "page.html"
     calls = {
