@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+
 import numpy as np
 
 from phcontrol._differences import central_difference
@@ -25,17 +29,26 @@ def aging(
 
     Args:
         law: asked for its storage function and its coordinates.
-        t: time, at least two steps after the law begins [s].
+        t: time; near a switch to another law, whose coordinates are others, the nearest at which no difference
+            reaches across it [s].
         x: the state as the law sees it.
         state: the law's own.
         measured: what is measured.
         gradient: ∇H_d there.
         step: of the differences [s].
     """
+    time = _within_phase(law.phases, t, step)
 
     def there(shift: float) -> Array:
-        energy = stored(law, t + shift, x, state, measured)
-        return np.concatenate([[energy], law.coordinates(t + shift, x, state, measured)])
+        energy = stored(law, time + shift, x, state, measured)
+        return np.concatenate([[energy], law.coordinates(time + shift, x, state, measured)])
 
     rates = central_difference(there, step)
     return float(rates[0] - gradient @ rates[1:])
+
+
+def _within_phase(phases: Sequence[float], t: float, step: float) -> float:
+    k = bisect_right(phases, t)
+    begin = phases[max(0, k - 1)] + 2.0 * step
+    end = phases[k] - 3.0 * step if k < len(phases) else math.inf  # the next law acts from its time on
+    return max(begin, min(t, end)) if begin <= end else 0.5 * (begin + end)

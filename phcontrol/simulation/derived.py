@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from phcontrol._lazy import lazy
 from phcontrol._validation import Array
-from phcontrol.controllers.aging import STEP, aging
+from phcontrol.controllers.aging import aging
 from phcontrol.controllers.answers import stored
 from phcontrol.controllers.target import Target
 from phcontrol.environments.body import Touch
@@ -119,18 +117,7 @@ def _aging_power(sample: Sample) -> float | None:
     if not law.time_span:
         return None
     time, x, state, measured = sample.arguments
-    return aging(law, _within_phase(law.phases, time), x, state, measured, sample.target.gradient)
-
-
-def _within_phase(phases: Sequence[float], time: float) -> float:
-    """Return the time nearest to one at which differences in time stay in its phase.
-
-    Beyond it another law has other coordinates.
-    """
-    k = bisect_right(phases, time)
-    begin = phases[max(0, k - 1)] + 2.0 * STEP
-    end = phases[k] - 3.0 * STEP if k < len(phases) else math.inf  # the next law acts from its time on
-    return max(begin, min(time, end)) if begin <= end else 0.5 * (begin + end)
+    return aging(law, time, x, state, measured, sample.target.gradient)
 
 
 def _contact_work(sample: Sample) -> float:
