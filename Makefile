@@ -30,7 +30,7 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-$(READY): pyproject.toml hatch_build.py phcontrol/_arrays.h phcontrol/_lazy_compiled.c phcontrol/mechanics/_compiled.c phcontrol/mechanics/_compiled_frames.c phcontrol/safety/_vectors.h phcontrol/safety/_compiled.c phcontrol/safety/_compiled_program.c phcontrol/compilation/_caller.c
+$(READY): pyproject.toml hatch_build.py phcontrol/_arrays.h phcontrol/_lazy_compiled.c phcontrol/mechanics/_triangular.h phcontrol/mechanics/_compiled.c phcontrol/mechanics/_compiled_frames.c phcontrol/safety/_vectors.h phcontrol/safety/_compiled.c phcontrol/safety/_compiled_program.c phcontrol/compilation/_caller.c
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"

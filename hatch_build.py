@@ -17,7 +17,11 @@ SOURCES = (
     Path("phcontrol", "compilation", "_caller.c"),
 )
 
-HEADERS = (Path("phcontrol", "_arrays.h"), Path("phcontrol", "safety", "_vectors.h"))
+HEADERS = (
+    Path("phcontrol", "_arrays.h"),
+    Path("phcontrol", "mechanics", "_triangular.h"),
+    Path("phcontrol", "safety", "_vectors.h"),
+)
 
 
 class KernelsHook(BuildHookInterface):

@@ -3,26 +3,9 @@
    Each function does in one call, without temporaries on the heap, what would take half a dozen calls of
    NumPy and LAPACK, each dearer than the arithmetic of a seven-joint arm. Matrices are copied into row-major
    buffers first, so that any strides are taken. No threads, no state. */
-#include "../_arrays.h"
+#include "_triangular.h"
 
 /* --- arithmetic on row-major buffers ------------------------------------------------------------------ */
-
-/* b <- T^-1 b for the leading n rows of a T whose rows are `stride` long. */
-static void forward(const double *T, npy_intp stride, npy_intp n, double *b) {
-  for (npy_intp i = 0; i < n; i++) {
-    double sum = b[i];
-    for (npy_intp k = 0; k < i; k++) sum -= T[i * stride + k] * b[k];
-    b[i] = sum / T[i * stride + i];
-  }
-}
-
-/* b <- T^-T b */
-static void backward(const double *T, npy_intp n, double *b) {
-  for (npy_intp i = n - 1; i >= 0; i--) {
-    const double value = b[i] /= T[i * n + i];
-    for (npy_intp k = 0; k < i; k++) b[k] -= T[i * n + k] * value;
-  }
-}
 
 /* Lower triangle of S <- Phi(T^-1 S T^-T) for a symmetric S: lower triangle, diagonal halved. */
 static void reduce(const double *T, npy_intp n, double *S) {

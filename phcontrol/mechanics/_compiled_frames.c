@@ -1,7 +1,7 @@
 /* The products of the control step about a frame, compiled: what phcontrol/mechanics/kernels.py describes.
 
    As in _compiled.c each function is one call without temporaries on the heap, for matrices of any strides. */
-#include "../_arrays.h"
+#include "_triangular.h"
 
 /* --- arithmetic on row-major buffers ------------------------------------------------------------------ */
 
@@ -47,23 +47,6 @@ static int cholesky(npy_intp n, double *A) {
       }
     }
   return 1;
-}
-
-/* b <- L^-1 b */
-static void forward(const double *L, npy_intp n, double *b) {
-  for (npy_intp i = 0; i < n; i++) {
-    double sum = b[i];
-    for (npy_intp k = 0; k < i; k++) sum -= L[i * n + k] * b[k];
-    b[i] = sum / L[i * n + i];
-  }
-}
-
-/* b <- L^-T b */
-static void backward(const double *L, npy_intp n, double *b) {
-  for (npy_intp i = n - 1; i >= 0; i--) {
-    const double value = b[i] /= L[i * n + i];
-    for (npy_intp k = 0; k < i; k++) b[k] -= L[i * n + k] * value;
-  }
 }
 
 /* A <- its triangular factors, rows taken in an order; 0 where it is singular. */
@@ -217,7 +200,7 @@ static PyObject *task_space(PyObject *module, PyObject *const *arguments, Py_ssi
     read_rows(arguments[1], n, n, T);
     read_rows(arguments[2], m, m, H);
     memcpy(W, J, (size_t)(m * n) * sizeof(double)); /* rows are T^-1 times those of J */
-    for (npy_intp i = 0; i < m; i++) forward(T, n, W + i * n);
+    for (npy_intp i = 0; i < m; i++) forward(T, n, n, W + i * n);
     for (npy_intp i = 0; i < m; i++)
       for (npy_intp j = 0; j < n; j++) W_out[j * m + i] = W[i * n + j];
     square_of(W, m, n, B);
@@ -227,7 +210,7 @@ static PyObject *task_space(PyObject *module, PyObject *const *arguments, Py_ssi
       double sum = 0.0;
       for (npy_intp j = 0; j < m; j++) { /* rows are L^-1 times the columns of H */
         for (npy_intp i = 0; i < m; i++) Y[j * m + i] = H[i * m + j];
-        forward(L, m, Y + j * m);
+        forward(L, m, m, Y + j * m);
       }
       square_of(Y, m, m, H);
       square_of(H, m, m, Y_square);
@@ -269,10 +252,10 @@ static PyObject *without_task(PyObject *module, PyObject *const *arguments, Py_s
   if (result != NULL) {
     read_vector(arguments[4], n, out);
     memcpy(p, out, (size_t)n * sizeof(double));
-    forward(T, n, p);
+    forward(T, n, n, p);
     memset(y, 0, (size_t)m * sizeof(double));
     add_transposed(W, n, m, p, 1.0, y);
-    forward(L, m, y);
+    forward(L, m, m, y);
     backward(L, m, y);
     add_transposed(J, m, n, y, -1.0, out);
   }
@@ -306,7 +289,7 @@ static PyObject *hand_damping(PyObject *module, PyObject *const *arguments, Py_s
     memset(y, 0, (size_t)m * sizeof(double));
     add_transposed(X, m, m, twist, 1.0, y);
     times(X, m, m, y, wrench);
-    forward(L, m, twist);
+    forward(L, m, m, twist);
     backward(L, m, twist);
     for (npy_intp i = 0; i < m; i++) wrench[i] -= d * twist[i];
     times(M, n, n, v, out);
