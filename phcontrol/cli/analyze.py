@@ -17,6 +17,7 @@ from phcontrol.cli.laws import CONTROLLER_HELP, law_of
 from phcontrol.cli.options import (
     ArmatureOption,
     FormOption,
+    GoalOption,
     JsonOption,
     LockOption,
     PayloadOption,
@@ -38,9 +39,7 @@ _SETTLED = 0.05  # of the final value
 def analyze(
     controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.")],
     robot: RobotOption = "pera",
-    goal: Annotated[
-        str | None, typer.Option(help="Joint positions: numbers, or joint=value pairs. Default: home.")
-    ] = None,
+    goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
     lock: LockOption = None,
     armature: ArmatureOption = None,

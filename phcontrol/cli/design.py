@@ -9,7 +9,7 @@ import typer
 
 from phcontrol.cli.arm import goal_of, system_of
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
-from phcontrol.cli.options import ArmatureOption, FormOption, JsonOption, LockOption, RobotOption, SetOption
+from phcontrol.cli.options import ArmatureOption, FormOption, GoalOption, JsonOption, LockOption, RobotOption, SetOption
 from phcontrol.cli.texts import numbers_of, settings_of
 from phcontrol.controllers.law_error import errors_of
 from phcontrol.design.design_gains import design_gains
@@ -50,9 +50,7 @@ def design(
         float | None,
         typer.Option(help="The largest gains whose torque on a step from home stays below this share of the limits."),
     ] = None,
-    goal: Annotated[
-        str | None, typer.Option(help="Joint positions: numbers, or joint=value pairs. Default: home.")
-    ] = None,
+    goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
     lock: LockOption = None,
     armature: ArmatureOption = None,

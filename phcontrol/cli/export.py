@@ -12,6 +12,7 @@ from phcontrol.cli.laws import CONTROLLER_HELP, law_of
 from phcontrol.cli.options import (
     ArmatureOption,
     FormOption,
+    GoalOption,
     LockOption,
     PayloadOption,
     RobotOption,
@@ -28,9 +29,7 @@ def export(
     controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.")],
     out: Annotated[Path, typer.Option(help="Folder that the files are written to.", metavar="DIR")],
     robot: RobotOption = "pera",
-    goal: Annotated[
-        str | None, typer.Option(help="Joint positions: numbers, or joint=value pairs. Default: home.")
-    ] = None,
+    goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
     lock: LockOption = None,
     armature: ArmatureOption = None,

@@ -15,6 +15,7 @@ RobotOption = Annotated[
     str, typer.Option(help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.")
 ]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
+GoalOption = Annotated[str | None, typer.Option(help="Joint positions: numbers, or joint=value pairs. Default: home.")]
 FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
 ArmatureOption = Annotated[
     str | None,
