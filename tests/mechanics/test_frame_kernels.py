@@ -11,16 +11,11 @@ from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
 from tests.finite_differences import derivative
+from tests.mechanics.layouts import LAYOUTS
 
 IMPLEMENTATIONS = {"numpy": importlib.import_module("phcontrol.mechanics._numpy_frames")}
 with contextlib.suppress(ImportError):  # where no compiler was at hand
     IMPLEMENTATIONS["compiled"] = importlib.import_module("phcontrol.mechanics._compiled_frames")
-
-LAYOUTS = {
-    "C": np.ascontiguousarray,
-    "Fortran": np.asfortranarray,
-    "strided": lambda array: np.repeat(array, 2, axis=-1)[..., ::2],
-}
 
 every_implementation = pytest.mark.parametrize("kernels", IMPLEMENTATIONS.values(), ids=IMPLEMENTATIONS)
 cases = given(

@@ -12,16 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.finite_differences import derivative, gradient
+from tests.mechanics.layouts import LAYOUTS
 
 IMPLEMENTATIONS = {"lapack": importlib.import_module("phcontrol.mechanics._lapack")}
 with contextlib.suppress(ImportError):  # where no compiler was at hand
     IMPLEMENTATIONS["compiled"] = importlib.import_module("phcontrol.mechanics._compiled")
-
-LAYOUTS = {
-    "C": np.ascontiguousarray,
-    "Fortran": np.asfortranarray,
-    "strided": lambda array: np.repeat(array, 2, axis=-1)[..., ::2],
-}
 
 
 every_implementation = pytest.mark.parametrize("kernels", IMPLEMENTATIONS.values(), ids=IMPLEMENTATIONS)
