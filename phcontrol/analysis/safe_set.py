@@ -18,6 +18,7 @@ from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.impedance_grasping import ImpedanceGrasping
 from phcontrol.controllers.integral_action import IntegralAction
+from phcontrol.controllers.regulated_law import RegulatedLaw
 from phcontrol.controllers.shaped_law import ShapedLaw
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.exceptions import InvalidArgumentError, PHControlError
@@ -25,7 +26,7 @@ from phcontrol.mechanics.least_inertia import least_inertia
 from phcontrol.mechanics.weight_slopes import weight_slopes
 from phcontrol.potentials.frame_spring import FrameSpring
 from phcontrol.potentials.joint_spring import JointSpring
-from phcontrol.potentials.potential import Potential, Sum
+from phcontrol.potentials.potential import Potential
 from phcontrol.potentials.single_joint_spring import SingleJointSpring
 from phcontrol.safety.limits import Limits
 
@@ -220,10 +221,9 @@ def _level(way: float, rate: float, what: str) -> float:
 
 def _spring(law: Controller) -> JointSpring:
     """Return the spring on the joints that Ψ is, or has beside what is never negative."""
-    potential = law.potential if isinstance(law, ShapedLaw) else None
-    terms: tuple[Potential, ...] = potential.potentials if isinstance(potential, Sum) else (potential,)  # type: ignore[assignment]
+    terms: tuple[Potential | None, ...] = law.potential.terms if isinstance(law, ShapedLaw) else (None,)
     springs = [term for term in terms if isinstance(term, JointSpring)]
-    hand = getattr(law, "hand_spring", None) if getattr(law, "wrench", None) is None else None
+    hand = law.hand_spring if isinstance(law, CartesianImpedance) and law.wrench is None else None
     for term in terms:
         if term is not hand and not isinstance(term, (JointSpring, FrameSpring, SingleJointSpring)):
             kind = "nothing" if term is None else type(term).__name__
@@ -242,7 +242,7 @@ def _reach(law: Controller) -> _Reach:
     if not isinstance(law, _LAWS):
         known = "position laws, Cartesian impedance"
         raise InvalidArgumentError("controller", f"no bound is proved of what {law.name} reaches ({known})")
-    if law.time_span or law.reference is not None or getattr(law, "regulation", None) is not None:
+    if law.time_span or law.reference is not None or (isinstance(law, RegulatedLaw) and law.regulation is not None):
         raise InvalidArgumentError("controller", f"{law.name} is led, or moves its goal: a safe set is about one goal")
     if law.driven_by:
         raise InvalidArgumentError("controller", f"{law.name} is driven by {law.driven_by}")

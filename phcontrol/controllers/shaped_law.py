@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.potentials.frame_potential import Deviation, FramePotential, skew
 from phcontrol.potentials.frame_spring import FrameSpring
-from phcontrol.potentials.potential import Potential, Sum
+from phcontrol.potentials.potential import Potential
 from phcontrol.sensors.measured import Measured
 from phcontrol.setpoints.live_frame_path import LiveFramePath, Place
 from phcontrol.trajectories.frame_path import FramePath, FrameReference, check_frame_path
@@ -68,10 +67,6 @@ def _led(x: MechanicalState, path: FramePath, t: float) -> _Led:
     motion = resolved_motion(x, path.frame, desired)
     missed = None if motion.missed is NOTHING[len(motion.missed)] else motion.missed
     return _Led(pose_of(desired), motion.velocity, motion.acceleration, missed, x.velocity - motion.velocity)
-
-
-def _has_frames(terms: Iterable[Potential]) -> bool:
-    return any(isinstance(term, FramePotential) for term in terms)
 
 
 class _Reach:
@@ -144,8 +139,9 @@ class ShapedLaw(Controller):
     @property
     def leading_spring(self) -> FramePotential | None:
         """The spring on the frame that a path leads; None for none."""
-        terms = self.potential.potentials if isinstance(self.potential, Sum) else (self.potential,)
-        return next((term for term in terms if isinstance(term, FrameSpring) and self._leads(term)), None)
+        return next(
+            (term for term in self.potential.terms if isinstance(term, FrameSpring) and self._leads(term)), None
+        )
 
     def _leads(self, spring: FrameSpring) -> bool:
         return self._path is not None and spring.frame == self._path.frame
@@ -220,8 +216,8 @@ class ShapedLaw(Controller):
     @property
     def other_rests(self) -> str:
         """An arm has its hand at one pose in more than one posture, a whole turn away at least."""
-        terms = self.potential.potentials if isinstance(self.potential, Sum) else (self.potential,)
-        return "a frame is at its goal in more than one posture" if _has_frames(terms) else ""
+        frames = any(isinstance(term, FramePotential) for term in self.potential.terms)
+        return "a frame is at its goal in more than one posture" if frames else ""
 
     def target_posture(self, t: float) -> Array | None:
         """Return q_d at time t [s]: the law's goal, or the potential's posture where it tells one; else None."""

@@ -49,6 +49,11 @@ class Potential(ABC):
         return ()
 
     @property
+    def terms(self) -> tuple[Potential, ...]:
+        """What it is the sum of: itself, where it is no sum."""
+        return (self,)
+
+    @property
     def posture(self) -> Array | None:
         """Joint positions where it is smallest, shape (n,) [rad], if it knows them, else None."""
         return None
@@ -207,6 +212,11 @@ class Sum(Potential):
         """The frame that a pose is taken for, if any term follows one, and "joints" if any follows those."""
         frame = () if self._frame is None else (self._frame,)
         return (*frame, "joints") if any(self._follow_joints) else frame
+
+    @property
+    def terms(self) -> tuple[Potential, ...]:
+        """The potentials that are added."""
+        return self.potentials
 
     @property
     def posture(self) -> Array | None:
