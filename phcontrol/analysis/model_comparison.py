@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -64,6 +64,15 @@ class Difference:
         values = " and ".join(one if isinstance(one, str) else f"{one:.6g}" for one in (self.first, self.second))
         where = f" of {self.where}" if self.where else ""
         return f"{self.quantity}{where}: {values} {self.unit}".rstrip()
+
+
+class _Pair(NamedTuple):
+    """Two plants, the joints that both have, and their places in each."""
+
+    first: MechanicalSystem
+    second: MechanicalSystem
+    shared: tuple[str, ...]
+    places: tuple[list[int], list[int]]
 
 
 @dataclass(frozen=True)
@@ -152,12 +161,10 @@ def compare_models(first: Robot | MechanicalSystem, second: Robot | MechanicalSy
             "second", f"shares no joint with the first: {', '.join(names_b)} against {', '.join(names_a)}"
         )
     index_a, index_b = ([names.index(name) for name in shared] for names in (names_a, names_b))
-    index = (index_a, index_b)
-    found = [*_carried(a.robot, b.robot, shared, index)]
-    found += _rotors(a.robot, b.robot, shared)
-    found += _friction(a, b, shared, index, samples)
-    found += _dynamics(a, b, shared, index, samples, tolerance)
-    found += _frames(a, b, index, samples, tolerance)
+    pair = _Pair(a, b, shared, (index_a, index_b))
+    found = [*_carried(pair), *_rotors(pair), *_friction(pair, samples)]
+    found += _dynamics(pair, samples, tolerance)
+    found += _frames(pair, samples, tolerance)
     return ModelComparison(
         (a.robot.label, b.robot.label),
         tuple(name for name in names_a if name not in names_b),
@@ -176,8 +183,9 @@ def _system(name: str, value: Any) -> MechanicalSystem:
     raise InvalidArgumentError(name, f"must be a Robot or a MechanicalSystem, but is {type(value).__name__}")
 
 
-def _carried(a: Robot, b: Robot, shared: tuple[str, ...], index: tuple[list[int], list[int]]) -> Iterator[Difference]:
+def _carried(pair: _Pair) -> Iterator[Difference]:
     """Yield what differs of the fields of both robots, whatever fields a Robot has."""
+    a, b, shared, index = pair.first.robot, pair.second.robot, pair.shared, pair.places
     for field in fields(Robot):
         if field.name in SEEN_OTHERWISE:
             continue
@@ -217,23 +225,19 @@ def _word(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-def _rotors(a: Robot, b: Robot, shared: tuple[str, ...]) -> Iterator[Difference]:
-    for name in shared:
-        x, y = (float(r.model.armature[r.model.joints[r.model.getJointId(name)].idx_v]) for r in (a, b))
+def _rotors(pair: _Pair) -> Iterator[Difference]:
+    for name in pair.shared:
+        models = pair.first.robot.model, pair.second.robot.model
+        x, y = (float(model.armature[model.joints[model.getJointId(name)].idx_v]) for model in models)
         if x != y:
             yield Difference("armature", name, x, y, "kg·m²")
 
 
-def _friction(
-    a: MechanicalSystem,
-    b: MechanicalSystem,
-    shared: tuple[str, ...],
-    index: tuple[list[int], list[int]],
-    samples: int,
-) -> Iterator[Difference]:
+def _friction(pair: _Pair, samples: int) -> Iterator[Difference]:
+    a, b, shared, index = pair
     both = [system.friction for system in (a, b)]
     if not all(friction is None or isinstance(friction, StribeckFriction) for friction in both):
-        yield from _friction_torques(a, b, shared, index, samples)
+        yield from _friction_torques(pair, samples)
         return
     found = {
         name: [_parameter(one, name, system.n)[places] for one, system, places in zip(both, (a, b), index, strict=True)]
@@ -257,14 +261,9 @@ def _unequal(quantity: str, values: list[Array], shared: tuple[str, ...], unit: 
     yield from (Difference(quantity, name, float(p), float(q), unit) for p, q, name in pairs if p != q)
 
 
-def _friction_torques(
-    a: MechanicalSystem,
-    b: MechanicalSystem,
-    shared: tuple[str, ...],
-    index: tuple[list[int], list[int]],
-    samples: int,
-) -> Iterator[Difference]:
+def _friction_torques(pair: _Pair, samples: int) -> Iterator[Difference]:
     """Yield where friction differs by what it does: each joint at some speeds, and all at once."""
+    a, b, shared, index = pair
     worst = {name: Difference("friction", name, 0.0, 0.0, "") for name in shared}
     motions = [
         (np.eye(len(shared))[k] * speed, f"{shared[k]} at {speed:g} rad/s")
@@ -272,7 +271,7 @@ def _friction_torques(
         for speed in _SPEEDS
     ]
     motions += [(v, "all joints moving") for v in np.random.default_rng(1).normal(size=(3, len(shared)))]
-    for positions in _positions(a, b, index, min(samples, 5)):
+    for positions in _positions(pair, min(samples, 5)):
         for velocity, said in motions:
             torques = []
             for system, places, position in zip((a, b), index, positions, strict=True):
@@ -291,10 +290,9 @@ def _parameter(friction: Friction | None, name: str, n: int) -> Array:
     return values
 
 
-def _positions(
-    a: MechanicalSystem, b: MechanicalSystem, index: tuple[list[int], list[int]], samples: int
-) -> Iterator[tuple[Array, Array]]:
+def _positions(pair: _Pair, samples: int) -> Iterator[tuple[Array, Array]]:
     """Yield positions of both that are the same for the joints that both have: home of the first, and drawn ones."""
+    a, b, _, index = pair
     generator = np.random.default_rng(0)
     for sample in range(samples + 1):
         q = a.robot.random_position(generator) if sample else np.array(a.robot.home)
@@ -303,18 +301,12 @@ def _positions(
         yield first, second
 
 
-def _dynamics(
-    a: MechanicalSystem,
-    b: MechanicalSystem,
-    shared: tuple[str, ...],
-    index: tuple[list[int], list[int]],
-    samples: int,
-    tolerance: float,
-) -> Iterator[Difference]:
+def _dynamics(pair: _Pair, samples: int, tolerance: float) -> Iterator[Difference]:
+    a, b, shared, index = pair
     matrices: tuple[list[Array], list[Array]] = ([], [])
     gradients: tuple[list[Array], list[Array]] = ([], [])
     inputs: tuple[list[Array], list[Array]] = ([], [])
-    for positions in _positions(a, b, index, samples):
+    for positions in _positions(pair, samples):
         for which, (system, places, position) in enumerate(zip((a, b), index, positions, strict=True)):
             x = system.at(position)
             matrices[which].append(x.mass_matrix[np.ix_(places, places)])
@@ -328,10 +320,9 @@ def _dynamics(
             yield Difference("gravity acceleration", axis, float(one), float(other), "m/s²")
 
 
-def _frames(
-    a: MechanicalSystem, b: MechanicalSystem, index: tuple[list[int], list[int]], samples: int, tolerance: float
-) -> Iterator[Difference]:
+def _frames(pair: _Pair, samples: int, tolerance: float) -> Iterator[Difference]:
     """Yield frames that only one has, and how far those of one name are apart."""
+    a, b, _, _ = pair
     names = [system.robot.frame_names for system in (a, b)]
     for name in dict.fromkeys((*names[0], *names[1])):
         if not (name in names[0] and name in names[1]):
@@ -339,7 +330,7 @@ def _frames(
             yield Difference("frame", name, first, second, "")
     both = [name for name in names[0] if name in names[1]]
     apart = {name: [0.0, 0.0] for name in both}
-    for positions in _positions(a, b, index, min(samples, 10)):
+    for positions in _positions(pair, min(samples, 10)):
         states = [system.at(position) for system, position in zip((a, b), positions, strict=True)]
         for name in both:
             one, other = (x.placement(name) for x in states)
