@@ -26,7 +26,8 @@ _NEAREST = 1e-6  # of these, in natural units
 _NEAREST_SEEN = 1e-4  # likewise, of a law with eyes: its features have fewer digits
 _SUSPECTS = 3  # intervals that are looked at more closely
 _PARTS, _NARROWINGS = 8, 16  # of an interval, and how often it is narrowed to three of them
-_HALVINGS = 14
+_HALVINGS = 24  # of an interval with a bend in it, as long as rounding is less than the bend
+_NOISE = 1e-13  # of the largest H_d: how much it may be off by rounding
 _JUMP = 1e-5  # of the range of H_d on a chord: a smooth H_d changes by 10⁻⁸ of it over so short an interval
 _NEAR_JUMP = 1e-4  # of how far H_d is from its value at rest, on a ray
 _ROUNDING = 1e-10  # of the largest H_d, below which such a difference is not taken for one
@@ -120,11 +121,16 @@ class Line:
         return worst, where
 
     def _kink_at(self, middle: float, step: float, values: Array, least: float) -> tuple[float, float]:
-        """Return what is left of the change of the slope in an interval that is halved, 0 below ``least``."""
+        """Return what is left of the change of the slope in an interval that is halved, 0 below ``least``.
+
+        Close to a singularity a smooth H_d bends within 10⁻⁵ of a chord: what halves with the interval is no kink.
+        """
         before, here, after = map(float, values)
-        change = math.inf
+        change, noise = math.inf, _NOISE * float(np.abs(self.energies).max())
         for _ in range(_HALVINGS):
             step *= 0.5
+            if noise > 0.1 * least * step:
+                break
             left, right = self.energy(middle - step), self.energy(middle + step)
             thirds = ((before, left, here), (left, here, right), (here, right, after))
             bent = [abs(a - 2.0 * b + c) for a, b, c in thirds]

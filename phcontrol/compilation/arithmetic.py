@@ -255,7 +255,7 @@ def _kernels() -> dict[str, Any]:
     plain = kernels.finite_copy  # the module's own name for it is replaced meanwhile
     return found | {
         "finite_copy": lambda value, size: value if is_symbolic(value) else plain(value, size),
-        "smallest_mode": _either(kernels.smallest_mode, eigenvalues.smallest_mode),
+        "modes": _either(kernels.modes, eigenvalues.modes),
     }
 
 

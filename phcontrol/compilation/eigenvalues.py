@@ -72,17 +72,12 @@ def dsyev(matrix: Any, compute_v: int = 1, **options: Any) -> Any:
         refuse("eigenvalues of a matrix with options are not traced")
     if not any(type(entry) is Symbol for entry in matrix.ravel()):
         return lapack.dsyev(np.array(matrix, dtype=float), compute_v=compute_v)
-    values, columns = _decomposed(matrix, 1.0, 0.0)
+    values, columns = modes(matrix, 1.0, 0.0)
     return values, columns, 0
 
 
-def smallest_mode(matrix: Any, doubt: Any, otherwise: Any) -> tuple[Any, Any]:
-    """Return the smallest eigenvalue and its vector as ``kernels.smallest_mode`` does, only where ``doubt`` > 0."""
-    values, columns = _decomposed(matrix, doubt, otherwise)
-    return values[0], columns[:, 0]
-
-
-def _decomposed(matrix: Any, doubt: Any, otherwise: Any) -> tuple[SymbolArray, SymbolArray]:
+def modes(matrix: Any, doubt: Any, otherwise: Any) -> tuple[SymbolArray, SymbolArray]:
+    """Return eigenvalues and eigenvectors as ``kernels.modes`` does, only where ``doubt`` > 0."""
     n = len(matrix)
     if n not in _SWEEPS:
         refuse(f"eigenvalues of a matrix of {n} rows are not traced")

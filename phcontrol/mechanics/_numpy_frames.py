@@ -46,13 +46,14 @@ def task_space(jacobian: Array, factor: Array, weight_root: Array) -> tuple[Arra
     return reduced, reduced.T.dot(reduced), square, bound
 
 
-def smallest_mode(matrix: Array, doubt: float, otherwise: float) -> tuple[float, Array]:
-    """Return the smallest eigenvalue of a symmetric matrix, and its vector.
+def modes(matrix: Array, doubt: float, otherwise: float) -> tuple[Array, Array]:
+    """Return the eigenvalues of a symmetric matrix, in ascending order, and its eigenvectors, as columns.
 
-    In a trace, and so in C, it is looked for only where ``doubt`` > 0; elsewhere it is ``otherwise``, and the vector 0.
+    In a trace, and so in C, they are looked for only where ``doubt`` > 0; elsewhere they are ``otherwise``, and the
+    vectors 0.
     """
     values, vectors, _ = _dsyev(matrix)
-    return float(values[0]), vectors[:, 0]
+    return values, vectors
 
 
 def without_task(jacobian: Array, factor: Array, reduced: Array, mobility: Array, force: Array) -> Array:

@@ -16,7 +16,7 @@ About a frame, with 𝒥 of m rows, W = T⁻¹𝒥ᵀ and B = WᵀW (by ``_compi
 
     frame_wrench(r, R, r_d, R_d, K, F, M)  (K(r − r_d) + F, vee(Y − Yᵀ)), Y = R_d M Rᵀ; None for 0, and for R_d = 1
     task_space(𝒥, T, H)                  W, B, A = 𝒥𝒥ᵀ and (tr Y⁴)^½ of Y = HᵀA⁻¹H, inf unless A is positive definite
-    smallest_mode(A, doubt, otherwise)   the smallest eigenvalue and its vector (always LAPACK's)
+    modes(A, doubt, otherwise)           eigenvalues, the smallest first, and their vectors (always LAPACK's)
     without_task(𝒥, T, W, B, f)          f − 𝒥ᵀB⁻¹WᵀT⁻¹f
     hand_damping(𝒥, X, B, M, v, d)       𝒥ᵀ(XXᵀ − d B⁻¹)𝒥v + d M v
     damping_root(L_t, L_r, R, B, ζ)      X = (2ζ)^½ L U S^(−¼), L of L_t and R L_r, with LᵀBL = U S Uᵀ, S at least 10⁻¹²
@@ -44,10 +44,10 @@ __all__ = [
     "finite_copy",
     "frame_wrench",
     "hand_damping",
+    "modes",
     "momentum_derivative",
     "relative_factor_rate",
     "right_inverse_motion",
-    "smallest_mode",
     "solve",
     "solve_transposed",
     "task_space",
@@ -89,6 +89,6 @@ damping_root = _frames.damping_root
 frame_wrench = _frames.frame_wrench
 hand_damping = _frames.hand_damping
 right_inverse_motion = _frames.right_inverse_motion
-smallest_mode = _numpy_frames.smallest_mode
+modes = _numpy_frames.modes
 task_space = _frames.task_space
 without_task = _frames.without_task

@@ -23,10 +23,11 @@ _dsyev = lapack.dsyev
 
 
 class SingularDamping:
-    """Q = λ²W in Bᵀ(BBᵀ + Q)⁻¹, with λ² = λ₀²(1 − (σ/ε)²)² for σ < ε, else 0.
+    """Q = λ²W in Bᵀ(BBᵀ + Q)⁻¹, with λ² = λ₀²(1 − Πᵢ(1 − dᵢ²)), dᵢ = 1 − (σᵢ/ε)² for σᵢ < ε, else 0.
 
-    σ is the smallest singular value of W^(−½)B. λ² is continuously differentiable at σ = ε. B is the image Jacobian Δ̄
-    of a servo law, or the Jacobian 𝒥 of a frame.
+    σᵢ are the singular values of W^(−½)B. Where but the smallest is below ε this is λ₀²(1 − (σ/ε)²)². λ² is
+    continuously differentiable everywhere, where two singular values cross, too: the smallest alone is not, there.
+    B is the image Jacobian Δ̄ of a servo law, or the Jacobian 𝒥 of a frame.
 
     Args:
         level: λ₀, in the unit of W^(−½)B (of an image Jacobian [m/rad]); 0 for no damping.
@@ -49,21 +50,29 @@ class SingularDamping:
         """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
         if not self.level or self.is_surely_beyond(square, self.region):
             return None
-        return self.of_mode(*kernels.smallest_mode(self.weighed(square), 1.0, 0.0))
+        return self.of_modes(*kernels.modes(self.weighed(square), 1.0, 0.0))
 
     def weighed(self, square: Array) -> Array:
-        """Return W^(−½)BBᵀW^(−½), whose smallest eigenvalue is σ²."""
+        """Return W^(−½)BBᵀW^(−½), whose eigenvalues are σᵢ²."""
         weighed: Array = self._root @ square @ self._root
         return weighed
 
-    def of_mode(self, value: float, vector: Array) -> tuple[float, Array] | None:
-        """Return what ``at`` does of σ² and of its direction."""
-        depth = max(0.0, 1.0 - max(value, 0.0) / self.region**2)
-        if vanishes(depth):
+    def of_modes(self, values: Array, vectors: Array) -> tuple[float, Array] | None:
+        """Return what ``at`` does of σᵢ², in ascending order, and of their directions, the columns of a matrix."""
+        depths = [max(0.0, 1.0 - max(value, 0.0) / self.region**2) for value in values]
+        if vanishes(depths[0]):
             return None
-        direction = self._root.dot(vector)
-        slope: Array = (-2.0 * self.level**2 * depth / self.region**2) * np.multiply.outer(direction, direction)
-        return self.level**2 * depth**2, slope
+        share, slope = 0.0, np.zeros_like(self.weight)
+        for depth in depths:
+            share += (1.0 - share) * depth**2
+        for k, depth in enumerate(depths):
+            if vanishes(depth):
+                continue
+            others = math.prod(1.0 - other**2 for other in depths[:k] + depths[k + 1 :])
+            direction = self._root.dot(vectors[:, k])
+            rate = -2.0 * self.level**2 * depth * others / self.region**2
+            slope = slope + rate * np.multiply.outer(direction, direction)
+        return self.level**2 * share, slope
 
     def distance(self, square: Array) -> float:
         """Return σ at BBᵀ."""

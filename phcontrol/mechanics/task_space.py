@@ -55,7 +55,7 @@ class TaskSpace:
         if vanishes(doubt):
             return None
         damping = frame_damping(len(self.jacobian))
-        return damping.of_mode(*kernels.smallest_mode(damping.weighed(self.square), doubt, SINGULAR_REGION**2))
+        return damping.of_modes(*kernels.modes(damping.weighed(self.square), doubt, SINGULAR_REGION**2))
 
     @lazy
     def regular_mobility(self) -> Array:

@@ -54,8 +54,9 @@ def resolved_motion(
         𝒥# = 𝒥ᵀ(𝒥𝒥ᵀ)⁻¹,   d𝒥#/dt = −𝒥#𝒥̇𝒥# + (1 − 𝒥#𝒥)𝒥̇ᵀ(𝒥𝒥ᵀ)⁻¹,
 
     𝒥 with the frame's origin and the axes of the world ("local_world_aligned"), along the true q̇ of ``x``. Near
-    singularities it is damped: 𝒥# = 𝒥ᵀ(𝒥𝒥ᵀ + λ²W)⁻¹, W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²), with λ² = λ₀²(1 − (σ/ε)²)²
-    for σ < ε, σ the smallest singular value of 𝒥 with its angular rows times ℓ; λ's rate is in the acceleration.
+    singularities it is damped: 𝒥# = 𝒥ᵀ(𝒥𝒥ᵀ + λ²W)⁻¹, W = diag(1, 1, 1, 1/ℓ², 1/ℓ², 1/ℓ²), with λ of
+    :class:`SingularDamping` and the singular values of 𝒥 with its angular rows times ℓ; λ's rate is in the
+    acceleration.
     Where the orientation is left free only the linear rows count.
 
     Args:

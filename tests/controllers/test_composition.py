@@ -205,3 +205,19 @@ def test_integral_action_carries_an_unknown_load_along(shoulder):
         errors[name] = float(np.linalg.norm(away[log.time >= 16.0], axis=1).max())  # the last period
     assert errors["energy_shaping"] == pytest.approx(np.hypot(3.0, 3.0) / 45.0, rel=0.01)
     assert errors["integral_action"] < errors["energy_shaping"] / 50.0
+
+
+def test_a_bend_close_to_a_singularity_is_no_kink():
+    """Of a frame's path the reference turns within 0.5 % of a chord; the certificate took it for a kink of H_d."""
+    system = make_system("pera_shoulder_elbow")
+    names = ("energy_shaping", "free direction", "figure of eight")
+    composed = next(c for c in compositions(system) if (c.law, c.potential, c.reference) == names)
+    check(composed, system, "coriolis", 32)
+
+
+def test_weak_directions_that_change_places_make_no_kink():
+    """Two singular values of the hand's Jacobian cross on a chord, where the damping had no derivative."""
+    system = make_system("pera_shoulder_elbow")
+    names = ("force_feedback_measured", "frame spring", "frame line")
+    composed = next(c for c in compositions(system) if (c.law, c.potential, c.reference) == names)
+    check(composed, system, "coriolis", 32)
