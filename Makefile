@@ -20,7 +20,7 @@ test: $(READY)
 	$(TESTS) -m "not study"
 
 test-all: $(READY)
-	$(TESTS)
+	$(TESTS) $(if $(COSTS),--costs $(COSTS))
 
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -10,8 +10,9 @@ from hypothesis import HealthCheck, settings
 
 from phcontrol import MechanicalSystem, load_robot
 from tests.browser import browser
+from tests.costs import pytest_addoption, pytest_collection_modifyitems, pytest_runtest_protocol
 
-__all__ = ["browser"]
+__all__ = ["browser", "pytest_addoption", "pytest_collection_modifyitems", "pytest_runtest_protocol"]
 
 settings.register_profile(
     "default", deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]

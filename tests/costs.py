@@ -1,0 +1,92 @@
+"""What each test costs, and which cases ``make test`` leaves to ``make test-all`` for it.
+
+    make test-all COSTS=costs.jsonl            # one line a case: wall and processor seconds
+    python -m tests.costs costs.jsonl          # writes tests/long_cases.txt
+
+Cases in that list are marked ``study``. Of every test that is no study by itself the quickest case stays, where it
+takes less than some seconds: what is swept over arms, laws and forms is then seen for one of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LONG = Path(__file__).with_name("long_cases.txt")
+BUDGET, QUICK = 240.0, 3.0  # [s] of both processors for all that stays, and for what stays of each test at least
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--costs", help="file to which a line for each case is added: what it took")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    long = set(LONG.read_text(encoding="utf-8").split("\n")) if LONG.is_file() else set()
+    for item in items:
+        if item.nodeid in long:
+            item.add_marker(pytest.mark.study)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    place = item.config.getoption("--costs")
+    if not place:
+        return (yield)
+    study = item.get_closest_marker("study") is not None
+    wall, processor = time.perf_counter(), _processor_time()
+    try:
+        return (yield)
+    finally:
+        took = {"wall": time.perf_counter() - wall, "processor": _processor_time() - processor}
+        line = json.dumps({"case": item.nodeid, "study": study} | took)
+        with Path(place).open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+
+def _processor_time() -> float:
+    """Return what this process and those that it waited for have taken [s]."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def long_cases(lines: list[dict[str, object]], budget: float, measure: str) -> list[str]:
+    """Return the cases to leave out, the longest first, so that the rest takes no more than the budget [s]."""
+    already = set(LONG.read_text(encoding="utf-8").split("\n")) if LONG.is_file() else set()
+    costs = {
+        str(line["case"]): float(str(line[measure])) for line in lines if not line["study"] or line["case"] in already
+    }
+    of_test: dict[str, list[str]] = defaultdict(list)
+    for case in costs:
+        of_test[case.partition("[")[0]].append(case)
+    kept = {min(cases, key=costs.__getitem__) for cases in of_test.values()}
+    kept = {case for case in kept if costs[case] <= QUICK}
+    total, left_out = sum(costs.values()), []
+    for case in sorted(costs.keys() - kept, key=costs.__getitem__, reverse=True):
+        if total <= budget:
+            break
+        left_out.append(case)
+        total -= costs[case]
+    print(f"{len(costs) - len(left_out)} cases stay, with {total:.0f} s; {len(left_out)} are left to make test-all")
+    return left_out
+
+
+def main() -> None:
+    """Write which cases take too long."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("costs", type=Path)
+    parser.add_argument("--budget", type=float, default=BUDGET)
+    parser.add_argument("--measure", choices=("wall", "processor"), default="wall")
+    options = parser.parse_args()
+    lines = [json.loads(line) for line in options.costs.read_text(encoding="utf-8").splitlines()]
+    LONG.write_text("\n".join(sorted(long_cases(lines, options.budget, options.measure))) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
