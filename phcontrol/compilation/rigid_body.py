@@ -136,9 +136,6 @@ class Inertia(NamedTuple):
         return Inertia(0.0, first, ((a, b, c), (b, d, e), (c, e, f)))
 
 
-NO_INERTIA = Inertia(0.0, NOTHING, _NO_ROWS)
-
-
 class Gyration(NamedTuple):
     """B = [[0, −f×], [0, E − ½ k×]] of one body or more."""
 

@@ -309,13 +309,6 @@ class CartesianLaw(TankedLaw, DampedLaw):
         damping += self.nullspace_damping * (x.factor @ task.projector @ x.factor.T)
         return damping
 
-    def wrench_at(self, t: float, x: MechanicalState) -> Array:
-        """Return the wrench that the law's spring and damper exert by the hand, shape (6,), world axes [N, N·m]."""
-        twist = x.task_space(self.frame, self._rows).jacobian.dot(self.aim(t, x).velocity)
-        total: Array = -self.hand_spring.wrench(x.frame_kinematics(self.frame), self.pose_at(t))
-        total[: self._rows] -= self.task_damping_matrix(t, x).dot(twist)
-        return total
-
     # --- gains that suit an arm -------------------------------------------------------------------------
 
     @classmethod
