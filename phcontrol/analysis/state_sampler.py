@@ -289,7 +289,7 @@ def beside_switches(law: Controller, states: Sequence[SampledState]) -> list[Sam
     gaps = np.diff([-math.inf, *turns, math.inf])
     times = [
         (turn + side * near, f"{1e3 * near:.3g} ms {'before' if side < 0.0 else 'after'} t = {turn:.4g} s")
-        for turn, before, after in zip(turns, gaps, gaps[1:], strict=True)
+        for turn, before, after in zip(turns, gaps[:-1], gaps[1:], strict=True)
         for near in _BESIDE_SWITCHES
         for side, room in ((-1.0, before), (1.0, after))
         if turn + side * near > 0.0 and near < 0.5 * room
