@@ -29,6 +29,9 @@ ADVICE: dict[str, str] = {
         "folded at half a turn of a joint that is not continuous (x.position_error folds where it should)"
     ),
     "balance of H_d along runs": "H_d jumps within a run: gains or a goal that switch",
+    "jump of H_d at switches, untold": (
+        "where a phase of the law begins H_d is another: a switch may bring energy in. Say in caveat that it does"
+    ),
     "target's coordinates are others": "coordinates() and target().coordinates differ",
     "least dissipation in motion [1/s]": "a motion is not damped at all: R_d has no damping in its direction",
     "depth of H_d below its rest": "H_d is lower elsewhere than where the law rests: it is no minimum",

@@ -61,7 +61,7 @@ from phcontrol.analysis.rest_point import (
 from phcontrol.analysis.runs import balance_error, run_states
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
-from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler
+from phcontrol.analysis.state_sampler import LARGEST_STATE, StateSampler, beside_switches
 from phcontrol.analysis.thin_states import SLIDING
 from phcontrol.analysis.well_formed import check_well_formed
 from phcontrol.analysis.worst import Worst
@@ -215,7 +215,8 @@ class _Examination:
             broken = error
         lines = lines_of(law, plant, self._units, self._rest_point, states)
         figures = []
-        looked_at = [*states, *followed, *(odd_states(lines) if law.eyes is None else [])]
+        odd = odd_states(lines) if law.eyes is None else []
+        looked_at = [*states, *beside_switches(law, states), *followed, *odd]
         for state in looked_at:
             self._at = state
             figures.append(examine(law, plant, state))
@@ -262,6 +263,9 @@ class _Examination:
             yield Check.more_than("least dissipation with nothing to see [1/s]", -idle.value, IDLE, idle.where)
         energy = [each.stored for each in figures]
         usual = float(np.quantile(np.abs(energy), 0.75))
+        if self._switching is not None and not law.caveat:
+            jump = self._switching / max(usual, 1e-300)
+            yield Check.at_most("jump of H_d at switches, untold", jump, MATCHING_TOLERANCE)
         if not rest.in_contact and not law.driven_by:
             yield from self._depth(looked_at, energy, usual, rests)
         started = starting_gain(law, plant, states, usual)

@@ -34,6 +34,7 @@ class Flow:
         self._state_rate = command.state_rate
         self._acceleration = plant.at(at.position, at.velocity).acceleration(command.torque, at.force)
         self._unit = STEP / max(1.0, float(np.abs(at.velocity).max()))
+        self._switches = law.phases[1:]
 
     @property
     def rounding(self) -> float:
@@ -69,6 +70,11 @@ class Flow:
     def aging(self, stretch: float = 1.0) -> float:
         """Return ∂H_d/∂t at the same coordinates [W], by differences like those of ``derivative``."""
         return self.start.aging(stretch * self._unit)
+
+    def stays(self, stretch: float) -> bool:
+        """Return whether differences with that stretch of the step reach across no switch to another law."""
+        time, reach = self._at.time, 2.0 * stretch * self._unit
+        return not any(time - reach < switch <= time + reach for switch in self._switches)
 
     def derivative(self, function: Callable[[float], Any], stretch: float = 1.0) -> Any:
         """Return the rate of a function along the flow by central differences of fourth order."""

@@ -31,6 +31,8 @@ _NOISE = 1e-13  # of the largest H_d: how much it may be off by rounding
 _JUMP = 1e-5  # of the range of H_d on a chord: a smooth H_d changes by 10⁻⁸ of it over so short an interval
 _NEAR_JUMP = 1e-4  # of how far H_d is from its value at rest, on a ray
 _ROUNDING = 1e-10  # of the largest H_d, below which such a difference is not taken for one
+_CLOSE, _ABOVE_NOISE = 1e-2, 10.0  # to rest, on a ray; and how far above rounding a jump there must be
+_PLACES, _ROUGH = (0.5, 0.7, 1.0, 1.4, 2.0), 12  # about it, where roughness is looked at, and in how many points
 _BEND = 1e-2  # of the largest slope of H_d on a chord: by so much it changes at once where there is no gradient
 _STATES_OF_LINES = 32  # that are added to those at which matching is looked at
 
@@ -80,9 +82,25 @@ class Line:
         worst, where = 0.0, 0.0
         for interval in np.argsort(suspicion)[-_SUSPECTS:]:
             size, share = self._jump_in(int(interval), least * float(units[interval]))
+            if self.into_rest and 0.0 < share < _CLOSE and size <= _ABOVE_NOISE * self._noise_about(share):
+                continue
             if size > worst * float(units[interval]):
                 worst, where = size / float(units[interval]), share
         return worst, where
+
+    def _noise_about(self, share: float) -> float:
+        """Return how rough H_d is by rounding on a ray about a share of the way [J].
+
+        k(1 − cos e) or k log cosh e are differences of numbers of the size of k, however small e is: of steps as high
+        as their last digit. A jump is in one or two of some places; such roughness is in all.
+        """
+        places = share * np.array(_PLACES)
+        shares = places[:, None] * np.linspace(0.85, 1.15, _ROUGH)
+        values = np.array([[self.energy(float(each)) for each in row] for row in shares])
+        left = np.linspace(-1.0, 1.0, _ROUGH)
+        powers = np.vander(left, 4)
+        smooth = powers @ np.linalg.lstsq(powers, values.T, rcond=None)[0]
+        return float(np.median(np.abs(values.T - smooth).max(axis=0)))
 
     def _jump_in(self, interval: int, least: float) -> tuple[float, float]:
         """Return what is left of a jump of H_d in an interval that is narrowed and narrowed, 0 below ``least``.

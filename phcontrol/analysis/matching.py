@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phcontrol._validation import Array
+from phcontrol.analysis.certificate import IDLE
 from phcontrol.analysis.flow import Flow
 from phcontrol.analysis.promise import Promise
 from phcontrol.analysis.sampled_state import SampledState
@@ -30,6 +31,7 @@ _SEEN = 1e7  # times the rounding of a rate, of which a millionth is seen
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
 _NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
 _SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
+_SOON = 1e-2  # when a state of the law has begun to damp [s]
 _ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding
 
 
@@ -82,7 +84,8 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
     residual, rate, slope_error = np.full(promised.shape, np.inf), promised, np.inf
     storage_rate, power, aging = 0.0, 0.0, 0.0
     ages = False  # looked at where H_d does not follow its gradient without it
-    for stretch in _STRETCHES:
+    within = [stretch for stretch in _STRETCHES if flow.stays(stretch)]
+    for stretch in within or _STRETCHES[-1:]:
         rates = flow.derivative(flow.followed, stretch)
         slope, actual = float(rates[0]), rates[1:]
         residual = np.fmin(residual, np.abs(actual - promised))
@@ -112,7 +115,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         has_drive=bool(target.signal.size),
         drive=float(np.abs(driven).max(initial=0.0)),
         stored=seen.stored(),
-        idleness=_idleness(seen, target),
+        idleness=_idleness_soon(flow, target),
         mislabelled=_relative(np.abs(seen.coordinates() - target.coordinates), np.abs(target.coordinates)),
         drive_power=float(target.gradient @ driven),
         moves_momentum=_momentum_driven(seen, target),
@@ -201,6 +204,19 @@ def _relative(error: Array, scale: Array) -> float:
     """Return the largest error over its scale; infinite where there is one and no scale."""
     with np.errstate(divide="ignore"):
         return float((error[error > 0.0] / scale[error > 0.0]).max(initial=0.0))
+
+
+def _idleness_soon(flow: Flow, target: Promise) -> float:
+    """Return the idleness at the state itself; of a law that damps by a state of its own what it is a little later.
+
+    Such a state may stand, for an instant, where it damps nothing: as a spring and a damper in a row do.
+    """
+    seen = flow.start
+    idleness = _idleness(seen, target)
+    if idleness > IDLE or not seen.law.state_size or seen.law.eyes is not None:
+        return idleness
+    later = flow.seen(_SOON)
+    return max(idleness, _idleness(later, later.promise()))
 
 
 def _idleness(seen: Seen, target: Promise) -> float:

@@ -11,7 +11,7 @@ from phcontrol.analysis.certificate import RUN_TOLERANCE
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.rest_point import RestPoint
 from phcontrol.analysis.sampled_state import SampledState
-from phcontrol.analysis.state_sampler import FIRST_TIME
+from phcontrol.analysis.state_sampler import clear_of_switches
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.system import MechanicalSystem
@@ -69,7 +69,7 @@ def run_states(
         for k in np.linspace(0, len(log) - 1, STATES).astype(int):
             if (np.abs(log.velocity[k]) > _WILD * units.speed).any():
                 break  # faster than any arm: nothing to be told there
-            time = max(float(log.time[k]), FIRST_TIME if law.time_span else 0.0)
+            time = clear_of_switches(law, float(log.time[k]))
             states.append(
                 SampledState(time, log.position[k], log.velocity[k], log.controller_state[k], force, scene, name)
             )

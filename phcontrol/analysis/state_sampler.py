@@ -31,6 +31,7 @@ _LATEST_SPANS = 200.0  # of a law that changes with time: later ones leave no di
 _USUAL_SPAN = 60.0  # of the times for a law that does not change with time [s]
 FIRST_TIME = 5e-3
 """At which a law that changes with time is looked at: differences in time need room on both sides [s]."""
+_BESIDE_SWITCHES, _SWITCHES = (1e-3, 1e-4, 1e-5), 24  # from a time at which a law may change [s]; states there, at most
 _TURNS = 3.0  # of a continuous joint
 _FAR = 1.5  # from the goal, with other joints at it, in natural units
 _AROUND = 0.1  # home, and the straight way from there to the goal, in natural units
@@ -136,7 +137,7 @@ class StateSampler:
         argument alone, and what a law remembers under the others shows.
         """
         n = self._plant.n
-        time = self._clear_of_switches(self._time(u[0], u[6])) if self._changes else 0.0
+        time = clear_of_switches(self._law, self._time(u[0], u[6])) if self._changes else 0.0
         goal = np.array(self._law.rest_posture(time)) if self._changes else self._rest[0]
         scene = self._law.rest_scene(self._law.system.at(goal))
         velocity = reference_velocity(self._law, time)
@@ -147,7 +148,7 @@ class StateSampler:
         n = self._plant.n
         kinds, sizes = u[:6], u[6:_SELECTORS]
         along, aside, across, speeds, forces, own = np.split(u[_SELECTORS:], [n, 2 * n, 3 * n, 4 * n, 5 * n])
-        time = self._clear_of_switches(self._time(kinds[0], sizes[0]))
+        time = clear_of_switches(self._law, self._time(kinds[0], sizes[0]))
         position, where = self._position(kinds[1], sizes[1], time, along, aside, across)
         velocity, how_fast = self._velocity(kinds[2], sizes[2], time, speeds)
         state, how_charged = _drawn(kinds[3], sizes[3], own, self._units.state, LARGEST_STATE, "controller state")
@@ -186,14 +187,6 @@ class StateSampler:
             end = starts[phase + 1] if phase + 1 < len(starts) else max(1.25 * span, start + 1.0)
             return start + within * (end - start)
         return _log_uniform(size, FIRST_TIME, max(_LATEST_SPANS * span, 1.0))
-
-    def _clear_of_switches(self, time: float) -> float:
-        """Return a time at least 5 ms from where another law takes over, or in the middle between: for differences."""
-        starts = (*self._law.phases, math.inf)
-        phase = max(0, bisect_right(starts, time) - 1)
-        start, end = starts[phase], starts[phase + 1]
-        room = min(FIRST_TIME, 0.5 * (end - start))
-        return min(max(time, start + room if self._changes else start), end - room)
 
     def _position(
         self, kind: float, size: float, time: float, along: Array, aside: Array, across: Array
@@ -274,6 +267,39 @@ def some(states: Sequence[SampledState], count: int, n: int) -> Sequence[Sampled
     """Return about a number of the states, spread over them; fewer for an arm of more than ten joints."""
     share = max(1, int(count * min(1.0, 10.0 / n)))
     return states[:: max(1, len(states) // share)][:share]
+
+
+def clear_of_switches(law: Controller, time: float) -> float:
+    """Return a time at least 5 ms from where another law takes over, or in the middle between: for differences."""
+    starts = (*law.phases, math.inf)
+    phase = max(0, bisect_right(starts, time) - 1)
+    start, end = starts[phase], starts[phase + 1]
+    room = min(FIRST_TIME, 0.5 * (end - start))
+    return min(max(time, start + room if law.time_span else start), end - room)
+
+
+def beside_switches(law: Controller, states: Sequence[SampledState]) -> list[SampledState]:
+    """Return some of the states just before and just after every time at which the law says that it may change.
+
+    Those are the start, the switches to other laws and the end of what changes; of many some, evenly.
+    """
+    if not law.time_span:
+        return []
+    turns = sorted({*law.phases, float(law.time_span)})
+    gaps = np.diff([-math.inf, *turns, math.inf])
+    times = [
+        (turn + side * near, f"{1e3 * near:.3g} ms {'before' if side < 0.0 else 'after'} t = {turn:.4g} s")
+        for turn, before, after in zip(turns, gaps[:-1], gaps[1:], strict=True)
+        for near in _BESIDE_SWITCHES
+        for side, room in ((-1.0, before), (1.0, after))
+        if turn + side * near > 0.0 and near < 0.5 * room
+    ]
+    chosen = times[:: -(-len(times) // _SWITCHES)]
+    step = max(1, len(states) // len(chosen))
+    return [
+        at._replace(time=time, stratum=f"{at.stratum}, {where}".removeprefix(", "))
+        for (time, where), at in zip(chosen, states[::step], strict=False)
+    ]
 
 
 def true_span(law: Controller) -> float:

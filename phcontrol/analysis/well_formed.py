@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -44,7 +46,7 @@ def check_well_formed(law: Controller, plant: MechanicalSystem) -> None:
 
 
 def _check_words(law: Controller) -> None:
-    for method in ("caveat", "driven_by", "lacks_minimum"):
+    for method in ("caveat", "driven_by", "lacks_minimum", "other_rests"):
         words: Any = getattr(law, method)
         if not isinstance(words, str):
             raise AnswerError(type(law), method, f"is {described(words)}, expected a str, empty for none")
@@ -56,8 +58,18 @@ def _check_words(law: Controller) -> None:
         raise AnswerError(type(law), "time_span", f"is {described(span)}, expected a number [s]")
     number(f"{type(law).__name__}.time_span", float(span), minimum=0.0)
     phases: Any = law.phases
-    if not isinstance(phases, tuple) or not phases or phases[0] != 0.0:
+    if not isinstance(phases, tuple) or not phases or not all(map(_is_time, phases)) or phases[0] != 0.0:
         raise AnswerError(type(law), "phases", f"is {described(phases)}, expected a tuple of times [s], the first 0")
+    if any(later <= before for before, later in pairwise(phases)):
+        raise AnswerError(type(law), "phases", f"is {phases}, expected times that increase [s]")
+    period: Any = law.longest_period
+    if isinstance(period, bool) or not isinstance(period, (int, float, np.floating)) or not period > 0.0:
+        what = period if isinstance(period, (int, float)) else described(period)
+        raise AnswerError(type(law), "longest_period", f"is {what}, expected a number > 0 [s], infinite for any period")
+
+
+def _is_time(value: Any) -> bool:
+    return isinstance(value, (int, float, np.floating)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _check_port(law: Controller, asked: tuple[Any, ...], n: int) -> None:
