@@ -27,6 +27,7 @@ from phcontrol.compilation.law_inputs import (
 )
 from phcontrol.compilation.loop_parts import Part, arm_parts, observer_parts, surroundings_part
 from phcontrol.compilation.trace import trace_law, trace_rate_under_limits
+from phcontrol.compilation.watch import refuse_clocks_and_dice
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
@@ -99,6 +100,8 @@ class CompiledLoop:
         truth = [name for name in law.needs if name not in shown]
         if any(name not in loop_texts.MEASURE for name in truth) or (observer is not None and truth):
             raise CompilationError(f"{law.name} needs more measured than a loop in C gives it")
+        refuse_clocks_and_dice(law, law.name)
+        refuse_clocks_and_dice((arrangement.bodies, arrangement.traced), "what acts on the arm")
         self.n, self.compiler = plant.n, compiler
         self.rows = 2 * plant.n + law.state_size + sum(body.state_size for body in arrangement.bodies)
         """Length of a state."""
