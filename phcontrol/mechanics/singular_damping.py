@@ -93,7 +93,8 @@ class SingularDamping:
             (a, b, c), (_, d, e), (_, _, f) = square.tolist()
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
             trace = a + d + f
-            return max(0.0, 0.25 * self.region**2 * self._largest * (trace * trace) - determinant)
+            doubt: float = max(0.0, 0.25 * self.region**2 * self._largest * (trace * trace) - determinant)
+            return doubt
         try:
             columns = kernels.solve(kernels.factor(square), self.half)
         except ArithmeticError:
