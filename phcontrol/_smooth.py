@@ -14,3 +14,8 @@ def vanishes(part: float) -> bool:
     gives.
     """
     return part == 0.0
+
+
+def exceeds(part: float, least: float) -> float:
+    """Return 1 where a part is larger than something, else 0: no branch of a trace."""
+    return 1.0 if part > least else 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from phcontrol import _validation
-from phcontrol._smooth import vanishes
+from phcontrol._smooth import exceeds, vanishes
 from phcontrol.compilation import eigenvalues, linear_algebra
 from phcontrol.compilation.symbol import (
     TRACING,
@@ -297,6 +297,25 @@ def _checked(plain: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
+def _exceeds(part: Any, least: Any) -> Any:
+    return part.exceeds(least) if type(part) is Symbol else exceeds(part, least)
+
+
+def _gain(name: str, value: Any, size: int) -> Any:
+    """Return a gain as a matrix; guarded against one that is not symmetric and positive definite."""
+    array = _array(value)
+    if array.dtype != object:
+        return _validation.gain(name, value, size)
+    if array.ndim < 2:
+        array = array * np.eye(size)
+    if array.shape != (size, size):
+        refuse(f"{name} has shape {np.shape(value)}, where a scalar, {size} numbers or a matrix of them is taken")
+    if np.abs(array - array.T).max() > 1e-12 * np.abs(array).max():
+        refuse(f"{name} is not symmetric")
+    linear_algebra.factor(array)
+    return array
+
+
 STAND_INS: list[tuple[Any, Any]] = [
     (np, _StandIn(np, _NUMPY)),
     (math, _StandIn(math, _MATH)),
@@ -305,8 +324,10 @@ STAND_INS: list[tuple[Any, Any]] = [
     *((getattr(kernels, name), function) for name, function in _KERNELS.items()),
     *((getattr(lapack, name), function) for name, function in _LAPACK.items()),
     *((getattr(math, name), function) for name, function in _MATH.items()),
+    (exceeds, _Function(exceeds, _exceeds)),
     (vanishes, _Function(vanishes, lambda part: type(part) is not Symbol and vanishes(part))),
-    *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector, _validation.gain)),
+    *((check, _checked(check)) for check in (_validation.finite_array, _validation.vector)),
+    (_validation.gain, _Function(_validation.gain, _gain)),
 ]
 """What a module holds, and what stands in for it while its law is traced."""
 

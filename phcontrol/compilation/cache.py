@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -135,7 +136,9 @@ def compiled(
 @cache
 def _own_folder() -> tempfile.TemporaryDirectory[str]:
     """Return a folder of this process, removed at its end."""
-    return tempfile.TemporaryDirectory(prefix="phcontrol-")
+    folder = tempfile.TemporaryDirectory(prefix="phcontrol-")
+    atexit.register(folder.cleanup)
+    return folder
 
 
 def _folder() -> Path:

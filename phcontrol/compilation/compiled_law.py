@@ -167,7 +167,7 @@ def compile_law(controller: Law, *, inertias: bool = False, native: bool = False
     from phcontrol.compilation.law_inputs import law_numbers, structure_of
     from phcontrol.compilation.watch import refuse_clocks_and_dice
 
-    refuse_clocks_and_dice(controller)
+    refuse_clocks_and_dice(controller, controller.name)
     say = _Progress(progress)
     start = time.perf_counter()
     say(f"{controller.name}: tracing")

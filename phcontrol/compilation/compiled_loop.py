@@ -26,7 +26,8 @@ from phcontrol.compilation.law_inputs import (
     system_structure,
 )
 from phcontrol.compilation.loop_parts import Part, arm_parts, observer_parts, surroundings_part
-from phcontrol.compilation.trace import trace_law
+from phcontrol.compilation.trace import trace_law, trace_rate_under_limits
+from phcontrol.compilation.watch import refuse_clocks_and_dice
 from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
 from phcontrol.mechanics.system import MechanicalSystem
@@ -61,6 +62,8 @@ class Arrangement(NamedTuple):
     """What shows the law f_e. Of a force sensor all numbers are inputs (``felt_by``)."""
     implicit: bool = False
     """Whether implicit integrators are to run."""
+    limited: bool = False
+    """Whether the law's torque is clipped, and the law says what that does to the rate of its own state."""
     varied: Bodies = NO_BODIES
     """The bodies of plant, law's model and observer's model whose inertias are inputs."""
 
@@ -69,7 +72,8 @@ class Arrangement(NamedTuple):
         """All of it that is code and no input."""
         law, varied = self.law, self.varied
         same = self.plant is law.system
-        found = [structure_of(law, varied), same, varied, self.implicit, len(self.bodies), len(self.traced)]
+        found = [structure_of(law, varied), same, varied, self.implicit, self.limited]
+        found += [len(self.bodies), len(self.traced)]
         found.append(None if same else system_structure(self.plant, varied))
         found += structure_of_things((self.bodies, self.traced))
         if isinstance(self.observer, MomentumObserver):
@@ -96,14 +100,21 @@ class CompiledLoop:
         truth = [name for name in law.needs if name not in shown]
         if any(name not in loop_texts.MEASURE for name in truth) or (observer is not None and truth):
             raise CompilationError(f"{law.name} needs more measured than a loop in C gives it")
+        refuse_clocks_and_dice(law, law.name)
+        refuse_clocks_and_dice((arrangement.bodies, arrangement.traced), "what acts on the arm")
         self.n, self.compiler = plant.n, compiler
         self.rows = 2 * plant.n + law.state_size + sum(body.state_size for body in arrangement.bodies)
         """Length of a state."""
         self.carry = 7 * plant.n + law.state_size + 1
         self.structure = arrangement.structure
         varied = arrangement.varied
-        traced = trace_law(law, [instant for instant, _ in instants(law, TRACED, seed=1)], inertias=varied)
+        asked = list(instants(law, TRACED, seed=1))
+        traced = trace_law(law, [instant for instant, _ in asked], inertias=varied)
         self._parts = [Part("law", traced.inputs, traced.traces)]  # type: ignore[arg-type]
+        rate = trace_rate_under_limits(law, asked, inertias=varied) if arrangement.limited else None
+        if rate is not None and not rate.is_unchanged:
+            alone = [trace._replace(torque=[]) for trace in rate.traces]
+            self._parts.append(Part("under_limits", rate.inputs, alone))  # type: ignore[arg-type]
         arm, arm_numbers = arm_parts(plant, varied, total="total_force" in truth, implicit=arrangement.implicit)
         self._parts += arm
         sizes = [traced.numbers.size, arm_numbers.size]
@@ -126,6 +137,7 @@ class CompiledLoop:
             "plant_numbers": starts[1], "around_numbers": starts[2], "observer_numbers": starts[3],
             "has_around": int("around" in [one.name for one in self._parts]), "has_sensor": int(observer is not None),
             "has_implicit": int(arrangement.implicit), "measured_room": max(1, place), "measure": "\n  ".join(measure),
+            "has_limits": int("under_limits" in [one.name for one in self._parts]), "measured": place,
         }  # fmt: skip
         self._text = loop_texts.HEAD.format(**facts)
         if observer is not None:

@@ -39,12 +39,26 @@ class Compiler(NamedTuple):
             result = subprocess.run(
                 command, capture_output=True, text=True, errors="replace", timeout=_LONGEST, check=False
             )
-        except (OSError, subprocess.TimeoutExpired) as error:
+        except OSError as error:
             raise CompilationError(f"the compiler {self.path} could not be run: {error}") from error
+        except subprocess.TimeoutExpired as error:
+            message = f"the compiler {self.path} has not come to an end within {_LONGEST:g} s, and was stopped"
+            raise CompilationError(message) from error
         if result.returncode or not target.exists():
-            lines = [line for line in (result.stderr + result.stdout).splitlines() if line.strip()]
-            words = next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")
-            raise CompilationError(f"the compiler {self.path} failed: {words.strip()}")
+            raise CompilationError(f"the compiler {self.path} failed: {_words(result)}")
+
+
+def _words(result: subprocess.CompletedProcess[str]) -> str:
+    """Return what a compiler that failed says: its first error, or how it ended where it says nothing."""
+    lines = [line.strip() for line in (result.stderr + result.stdout).splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith("collect2:")]  # which says that the linker said something
+    for line in telling:
+        if "error" in line.lower():
+            return line
+    if telling:
+        return telling[0]
+    code = result.returncode
+    return f"it was ended by signal {-code}" if code < 0 else f"it ended with code {code}, and says nothing"
 
 
 def flags(native: bool) -> tuple[str, ...]:

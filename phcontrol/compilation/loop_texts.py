@@ -80,6 +80,27 @@ static void surroundings(run *c, double t, const real *y, real *f, real *rate) {
 #endif
 }}
 
+#if {has_limits}
+/* The rate of the law's state in the lanes whose torque is clipped from what it desires to u. */
+static void count_limits(run *c, mask wanted, double t, const real *y, const real *shown, const real *desired,
+                         const real *u, real *rate) {{
+  real m[{measured} + S + N], counted[S];
+  mask clipped = EVERY ^ EVERY, well = EVERY;
+  for (int i = 0; i < {measured}; i++) m[i] = shown[i];
+  for (int i = 0; i < S; i++) m[{measured} + i] = rate[i];
+  for (int i = 0; i < N; i++) {{
+    m[{measured} + S + i] = u[i] - desired[i];
+    clipped |= wanted & TEST(u[i] - desired[i] != 0.0);
+  }}
+  if (!any(clipped)) return;
+  const mask covered = clipped & under_limits(clipped, SAME(t), y, y + N, y + 2 * N, m, c->p, counted);
+  for (int i = 0; i < S; i++) well &= is_finite(counted[i]);
+  c->uncovered |= clipped & ~covered;
+  c->infinite |= covered & ~well;
+  for (int i = 0; i < S; i++) rate[i] = choose(covered, counted[i], rate[i]);
+}}
+#endif
+
 /* Torque of the law, clipped, and the rate of its state. */
 static void act(run *c, double t, const real *y, const real *f, real *u, real *rate) {{
   real m[{measured_room}], out[N + S];
@@ -98,6 +119,9 @@ static void act(run *c, double t, const real *y, const real *f, real *u, real *r
     u[i] = choose(TEST(out[i] < -most), -most, choose(TEST(out[i] > most), most, out[i]));
   }}
   for (int i = 0; i < S; i++) rate[i] = out[N + i];
+#if {has_limits}
+  count_limits(c, wanted & covered & well, t, y, m, out, u, rate);
+#endif
 }}
 
 /* What drives the arm at an instant: torque (the held one, or the law's), force, rates of law and bodies. */

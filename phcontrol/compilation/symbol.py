@@ -415,6 +415,11 @@ class Symbol:
         """Return the smaller of both."""
         return self._of_two_numbers("fmin", other, min)
 
+    def exceeds(self, least: float) -> Any:
+        """Return 1 where x is larger than a number, else 0."""
+        self.guards.require(self.expression, "finite")
+        return self._made(self.expression > least, float(self.sample > least))
+
     def _of_two_numbers(self, name: str, other: Any, value: Callable[[float, float], float]) -> Any:
         """Return C's maximum or minimum, which swallow NaN: both must be numbers."""
         right, _ = _parts(other)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import casadi
@@ -17,6 +17,7 @@ from phcontrol.compilation.symbol import Guards, Symbol
 from phcontrol.compilation.traced_state import TracedState, traced_system
 from phcontrol.compilation.tracing import classes_of, refusal, tracing
 from phcontrol.compilation.ways import Entries, guarded_ways
+from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
@@ -92,11 +93,57 @@ def trace_law(law: Controller, instants: list[Instant], *, inertias: Bodies = NO
     """
     numbers = law_numbers(law, inertias)
     layout = layout_of(law, numbers.size)
-    names = {"t": 1, "q": layout.joints, "v": layout.joints, "s": layout.state, "m": layout.measured_size}
-    inputs = [casadi.SX.sym(name, size) for name, size in (names | {"p": numbers.size}).items()]
+    inputs = _inputs(layout)
     samples = (values_of(layout, instant, numbers) for instant in instants)
     traces = guarded_ways(law.name, inputs, samples, lambda values: _traced(law, layout, inputs, values, inertias))
     return TracedLaw(layout, inputs, traces, numbers)
+
+
+class TracedRate(NamedTuple):
+    """The rate of a law's own state where its torque is changed, as expressions of what a law reads.
+
+    What is measured is followed by the rate of the law's own state and by the change of its torque.
+    """
+
+    inputs: list[Any]
+    """(t, q, q̇, state, (measured, rate, change), numbers), vectors of ``casadi.SX``."""
+    traces: list[Trace]
+    """Their torque is the change."""
+
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether it is the rate that was given, whatever the change is."""
+        shown, rates = casadi.vertsplit(self.inputs[4]), [trace.rate for trace in self.traces]
+        given = shown[-self.inputs[1].numel() - len(rates[0]) :]
+        return all(casadi.is_equal(found, own) for rate in rates for found, own in zip(rate, given, strict=False))
+
+
+def trace_rate_under_limits(
+    law: Controller, asked: Iterable[tuple[Instant, Command]], *, inertias: Bodies = NO_BODIES
+) -> TracedRate:
+    """Return ``rate_under_limits`` of a law as expressions, traced as ``trace_law`` traces the law.
+
+    Each entry of a command's torque is reduced by some part of it, or by none.
+
+    Raises NotTraceableError, naming the line, when it cannot be traced at any of the instants.
+    """
+    numbers, generator = law_numbers(law, inertias), np.random.default_rng(0)
+    layout = layout_of(law, numbers.size)
+    inputs = _inputs(layout, layout.state + layout.joints)
+
+    def sample(instant: Instant, command: Command) -> list[Array]:
+        values = values_of(layout, instant, numbers)
+        change = -command.torque * np.maximum(0.0, generator.uniform(-0.5, 1.0, layout.joints))
+        values[4] = np.concatenate([values[4], command.state_rate, change])
+        return values
+
+    def ask(traced: Controller, t: Any, x: MechanicalState, state: Any, measured: Measured, beside: Any) -> Any:
+        rate, change = beside[: layout.state], beside[layout.state :]
+        return change, traced.rate_under_limits(t, x, state, rate, change, measured)
+
+    name, samples = f"{law.name} under torque limits", (sample(instant, command) for instant, command in asked)
+    traces = guarded_ways(name, inputs, samples, lambda values: _traced(law, layout, inputs, values, inertias, ask))
+    return TracedRate(inputs, traces)
 
 
 def values_of(layout: Layout, instant: Instant, numbers: Array) -> list[Array]:
@@ -108,7 +155,28 @@ def values_of(layout: Layout, instant: Instant, numbers: Array) -> list[Array]:
     ]  # fmt: skip
 
 
-def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Array], inertias: Bodies) -> Trace:
+def _inputs(layout: Layout, more: int = 0) -> list[Any]:
+    """Return the vectors of ``casadi.SX`` that a function reads, ``more`` entries behind what is measured."""
+    names = {"t": 1, "q": layout.joints, "v": layout.joints, "s": layout.state, "m": layout.measured_size + more}
+    return [casadi.SX.sym(name, size) for name, size in (names | {"p": layout.numbers}).items()]
+
+
+Question = Callable[[Controller, Any, MechanicalState, Any, Measured, Any], Any]
+"""Of a law in symbols, t, x, its state, what is measured, and the entries behind that: a torque and a rate."""
+
+
+def _command(law: Controller, t: Any, x: MechanicalState, state: Any, measured: Measured, beside: Any) -> Any:
+    return law.evaluate(t, x, state, measured)
+
+
+def _traced(
+    law: Controller,
+    layout: Layout,
+    inputs: list[Any],
+    values: list[Array],
+    inertias: Bodies,
+    ask: Question = _command,
+) -> Trace:
     guards = Guards()
     entries = Entries(inputs, values, guards)
     system = traced_system(law.system)
@@ -123,7 +191,7 @@ def _traced(law: Controller, layout: Layout, inputs: list[Any], values: list[Arr
     try:
         with tracing(classes_of(law, law.system.friction, law.system.potentials)):
             x: MechanicalState = TracedState(system, position, velocity)
-            torque, rate = traced.evaluate(entries.of(0)[0], x, state, Measured(**shown))
+            torque, rate = ask(traced, entries.of(0)[0], x, state, Measured(**shown), seen[start:])
     except Exception as error:  # whatever a law does that symbols cannot
         raise refusal(law.name, error) from error
     for name, value in vars(traced).items():

@@ -9,7 +9,7 @@ import threading
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import casadi
@@ -35,8 +35,8 @@ def is_law_module(name: str) -> bool:
 
 
 @contextmanager
-def tracing(classes: Iterable[type]) -> Iterator[None]:
-    """Let the modules of phcontrol's laws, and of other classes, compute with symbols.
+def tracing(classes: Iterable[Any]) -> Iterator[None]:
+    """Let the modules of phcontrol's laws, and of other classes and functions, compute with symbols.
 
     Their names for NumPy, ``math``, LAPACK and the kernels stand for :data:`STAND_INS` meanwhile, which do with plain
     numbers what they always do. One trace at a time; laws that run meanwhile in other threads run right, and slower.
@@ -139,9 +139,9 @@ def refusal(law: str, error: BaseException) -> NotTraceableError:
     return NotTraceableError(f"{law} cannot be compiled: {text}{place}")
 
 
-def classes_of(*things: Any) -> set[type]:
-    """Return the classes, and those that they are made of, of objects and of what they hold."""
-    found: set[type] = set()
+def classes_of(*things: Any) -> set[Any]:
+    """Return the classes, and those that they are made of, of objects and of what they hold, and functions in them."""
+    found: set[Any] = set()
     seen: set[int] = set()
     waiting = list(things)
     while waiting:
@@ -154,7 +154,9 @@ def classes_of(*things: Any) -> set[type]:
         elif isinstance(thing, dict):
             waiting.extend(thing.values())
         elif isinstance(thing, functools.partial):
-            waiting.extend([thing.args, thing.keywords])
+            waiting.extend([thing.func, thing.args, thing.keywords])
+        elif isinstance(thing, FunctionType):  # of a user's own: an action, a stiffness, a disturbance
+            found.add(thing)
         elif holds_state(thing):
             found |= {kind for kind in type(thing).__mro__ if kind is not object}
             waiting.extend(vars(thing).values())

@@ -112,8 +112,8 @@ def _same(one: Any, other: Any) -> bool:
     return one is other or (type(one) is type(other) and isinstance(one, (bool, int, float, str)) and one == other)
 
 
-def read_beside(law: Controller) -> Iterator[tuple[Any, str, Any]]:
-    """Yield what functions that are not phcontrol's, of a law or held by it, read beside their arguments.
+def read_beside(law: Any) -> Iterator[tuple[Any, str, Any]]:
+    """Yield what functions that are not phcontrol's, of a law or of what it holds, read beside their arguments.
 
     Each as a cell, a dict of globals or a class, the name there, and what is there.
     """
@@ -137,7 +137,7 @@ def _function(value: Any) -> types.FunctionType | None:
     return value if isinstance(value, types.FunctionType) else None
 
 
-def _held_functions(law: Controller) -> Iterator[types.FunctionType]:
+def _held_functions(law: Any) -> Iterator[types.FunctionType]:
     """Yield the functions that a law, or what it holds, has as attributes."""
     seen: set[int] = set()
     waiting: list[Any] = [law]
@@ -177,9 +177,14 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
             yield from _codes(part)
 
 
-def refuse_clocks_and_dice(law: Controller) -> None:
-    """Raise NotTraceableError where a law reads a clock or a random generator, naming it."""
-    for _, name, value in read_beside(law):
+def refuse_clocks_and_dice(thing: Any, title: str) -> None:
+    """Raise NotTraceableError where functions of a law, or of something else, read a clock or a random generator.
+
+    Args:
+        thing: the law, bodies, disturbances.
+        title: what to call it.
+    """
+    for _, name, value in read_beside(thing):
         module = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
         if (
             isinstance(value, _DICE)
@@ -187,6 +192,6 @@ def refuse_clocks_and_dice(law: Controller) -> None:
             or ((isinstance(value, types.ModuleType) or callable(value)) and str(module).partition(".")[0] in _CLOCKS)
         ):
             raise NotTraceableError(
-                f"{law.name} cannot be compiled: it reads '{name}', a clock or a random generator; what differs from "
+                f"{title} cannot be compiled: it reads '{name}', a clock or a random generator; what differs from "
                 "call to call must be measured, or in the law's state"
             )

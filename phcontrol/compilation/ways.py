@@ -51,6 +51,8 @@ class Entries:
     def make(self, found: list[float]) -> list[Any]:
         """Return symbols for the next numbers, in their order, whatever ``found`` holds."""
         self._taken += len(found)
+        if self._taken > len(self._numbers):
+            raise NotTraceableError("it changes while it is evaluated")
         return list(self._numbers[self._taken - len(found) : self._taken])
 
 

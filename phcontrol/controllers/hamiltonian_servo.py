@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import lapack
 
 from phcontrol._validation import Array, gain, matrix
 from phcontrol.controllers.parameters import NonNegative, Parameter, Positive
@@ -21,6 +22,8 @@ from phcontrol.vision.interaction import (
     interaction_matrix_rate,
 )
 from phcontrol.vision.servo_velocity import ServoVelocity
+
+_dsyev = lapack.dsyev
 
 SINGULAR_LEVER = 0.05
 """The default region of damping is where a feature moves less than the image's length does with a lever of this [m]."""
@@ -105,7 +108,8 @@ class HamiltonianServo(VisualServo):
             self.singular_region = SINGULAR_LEVER * self.goal[2] ** 2 / (self._focal_length * self.object_length)
         if self.singular_damping is None:
             self.singular_damping = DAMPING_SHARE * self.singular_region
-        weight = self._convergence / np.linalg.norm(self._convergence, 2)
+        self._convergence_size = float(np.linalg.norm(self._convergence, 2))
+        weight = self._convergence / self._convergence_size
         self.damping_of_singularities = SingularDamping(self.singular_damping, self.singular_region, weight)
         self._servo_velocity = ServoVelocity(self.rate, self.damping_of_singularities)
 
@@ -216,10 +220,10 @@ class HamiltonianServo(VisualServo):
             result = square @ np.linalg.solve(weighted, self._convergence)
             return result
         root = self._convergence_root
-        values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, square).T))
+        values, vectors, _ = _dsyev(np.linalg.solve(root, np.linalg.solve(root, square).T))
         values = np.maximum(values, 0.0)
         half = root @ vectors
-        share = values / (values + damped[0] / np.linalg.norm(self._convergence, 2))
+        share = values / (values + damped[0] / self._convergence_size)
         result = (half * share) @ half.T
         return result
 

@@ -123,6 +123,11 @@ class TankedLaw(Controller):
         """With which an Euler step of x_t keeps the level above the tank's lower bound [s]."""
         return min(super().longest_period, self.tank.longest_period) if self.pays else super().longest_period
 
+    def random_state(self, generator: np.random.Generator) -> Array:
+        """Draw a state of the law, and of the tank where the law draws its own part alone."""
+        drawn = super().random_state(generator)
+        return drawn if drawn.size == self.state_size else np.append(drawn, generator.normal())
+
     def tank_level(self, state: Array) -> float | None:
         """Return the energy in the tank [J]."""
         return self.tank.level(float(state[-1])) if self.pays else super().tank_level(state)

@@ -48,9 +48,12 @@ class SingularDamping:
 
     def at(self, square: Array) -> tuple[float, Array] | None:
         """Return λ² and the matrix of its slope, d(λ²) = tr(slope · d(BBᵀ)), at BBᵀ; None where λ² = 0."""
-        if not self.level or self.is_surely_beyond(square, self.region):
+        if not self.level:
             return None
-        return self.of_modes(*kernels.modes(self.weighed(square), 1.0, 0.0))
+        doubt = self.doubt(square)
+        if vanishes(doubt):
+            return None
+        return self.of_modes(*kernels.modes(self.weighed(square), doubt, self.region**2))
 
     def weighed(self, square: Array) -> Array:
         """Return W^(−½)BBᵀW^(−½), whose eigenvalues are σᵢ²."""
@@ -84,17 +87,19 @@ class SingularDamping:
         level, slope = damped
         return square + level * self.weight, square_rate + float(np.vdot(slope, square_rate)) * self.weight
 
-    def is_surely_beyond(self, square: Array, distance: float) -> bool:
-        """Whether a bound that needs no eigenvalues says that σ at BBᵀ is more than a distance: mostly it is enough."""
+    def doubt(self, square: Array) -> float:
+        """Return 0 where a bound without eigenvalues says that σ at BBᵀ is beyond ε, as mostly it does; else > 0."""
         if len(square) == 3:  # the smallest eigenvalue of a positive definite matrix is at least 4 det / trace²
             (a, b, c), (_, d, e), (_, _, f) = square.tolist()
             determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
-            return bool(determinant > 0.25 * distance**2 * self._largest * (a + d + f) ** 2)
+            trace = a + d + f
+            doubt: float = max(0.0, 0.25 * self.region**2 * self._largest * (trace * trace) - determinant)
+            return doubt
         try:
             columns = kernels.solve(kernels.factor(square), self.half)
         except ArithmeticError:
-            return False
-        return float(np.vdot(columns, columns)) * distance**2 < 1.0  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
+            return 1.0
+        return max(0.0, float(np.vdot(columns, columns)) * self.region**2 - 1.0)  # σ² ≥ 1 / tr(W A⁻¹), A = BBᵀ
 
 
 def frame_damping(

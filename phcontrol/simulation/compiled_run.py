@@ -14,6 +14,7 @@ from phcontrol.compilation.compiled_law import TOLERANCE, CompiledLaw, need_casa
 from phcontrol.compilation.compiler import Compiler, find_compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals, signals_of
+from phcontrol.controllers.controller import Controller
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
@@ -48,7 +49,13 @@ def arranged(
 
     law = loop.controller.interpreted if isinstance(loop.controller, CompiledLaw) else loop.controller
     signals = signals_of(loop.disturbance, loop.n)
-    return Arrangement(loop.plant, law, loop.bodies, signals.traced, observer, implicit), signals
+    limited = loop.torque_limit is not None and _counts_limits(law)
+    return Arrangement(loop.plant, law, loop.bodies, signals.traced, observer, implicit, limited), signals
+
+
+def _counts_limits(law: Controller) -> bool:
+    """Return whether a law says of its own what limits of the torque do to its state."""
+    return law.state_size > 0 and type(law).rate_under_limits is not Controller.rate_under_limits
 
 
 def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
@@ -58,8 +65,6 @@ def obstacles(loop: ClosedLoop, others: dict[str, Any]) -> str:
         present.append("a law whose state jumps")
     if loop.scene is not None:
         present.append("a scene")
-    if loop.torque_limit is not None and loop.controller.tank_level(np.zeros(loop.controller.state_size)) is not None:
-        present.append("torque limits, for which the law's tank must pay (torque_limit=None leaves them out)")
     return f"{', '.join(present)}: not compiled yet" if present else ""
 
 
@@ -175,21 +180,34 @@ def _check(made: CompiledLoop, arrangement: Arrangement, loop: ClosedLoop, lanes
     block = made.block([numbers], lanes)
     block = made.block([numbers] * block.lanes, lanes)
     set_up(block, [loop] * block.lanes, [signals] * block.lanes)
-    worst, looked = 0.0, 0
+    observed, worst, looked = arrangement.observer is not None, 0.0, 0
     for t, y in _instants(arrangement):
-        block.status[:] = 0
-        found = block.field(t, y[:, None])
-        if (block.status == NOT_COMPILED).any():
-            continue
-        looked += 1
-        worst = max(worst, difference_at(loop, arrangement.observer is not None, t, y, found))
+        for tried in (loop, _clipped(loop, observed, t, y)) if arrangement.limited else (loop,):
+            block.limit[:] = np.inf if tried.torque_limit is None else tried.torque_limit[:, None]
+            block.status[:] = 0
+            found = block.field(t, y[:, None])
+            if (block.status == NOT_COMPILED).any():
+                continue
+            looked += 1
+            worst = max(worst, difference_at(tried, observed, t, y, found))
     refuse_beyond(worst if looked else np.nan)
+
+
+def _clipped(loop: ClosedLoop, observed: bool, t: float, y: Array) -> ClosedLoop:
+    """Return a loop under limits of which some are half of what its law orders at an instant."""
+    torque = np.abs(loop.evaluate(t, y, _shown(loop, observed)).torque)
+    limit = np.where(np.arange(loop.n) % 3 == 2, 2.0, 0.5) * torque + 1e-6
+    return ClosedLoop(loop.plant, loop.controller, loop.disturbance, limit, loop.bodies)
+
+
+def _shown(loop: ClosedLoop, observed: bool) -> Held:
+    """Return what is held where a sensor shows nothing yet; nothing without one."""
+    return Held(measured=Measured(np.zeros(loop.n)) if observed else None)
 
 
 def difference_at(loop: ClosedLoop, observed: bool, t: float, y: Array, found: tuple[Array, Array, Array]) -> float:
     """Return by how much, relatively, what was found in all lanes at one instant differs from the interpreted loop."""
-    shown = Measured(np.zeros(loop.n)) if observed else None
-    expected = loop.evaluate(t, y, Held(measured=shown))
+    expected = loop.evaluate(t, y, _shown(loop, observed))
     worst = 0.0
     for one, other in zip(found, (expected.rate, expected.torque, expected.external_force), strict=True):
         size = max(1e-3, float(np.abs(other).max()))

@@ -63,4 +63,8 @@ class Stiffness:
         function = self._functions[name]
         if function is None:
             return None
-        return gain(f"variation: {name} at {t:g} s", function(t), 3)
+        name = f"variation: {name}"
+        try:
+            return gain(name, function(t), 3)
+        except InvalidArgumentError as error:
+            raise InvalidArgumentError(f"{name} at {t:g} s", str(error).removeprefix(f"{name}: ")) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phcontrol._smooth import exceeds, vanishes
 from phcontrol._validation import Array
 from phcontrol.mechanics import kernels
 from phcontrol.mechanics.derivatives import right_inverse, right_inverse_derivative
@@ -31,9 +32,13 @@ class ServoVelocity:
         damped = self.damping.at(B @ B.T)
         regularisation = None if damped is None else damped[0] * self.damping.weight
         s: Array = right_inverse(B, regularisation) @ (self.rate @ error)
-        fade = 1.0 if damped is None else self._fade(damped[0])
-        if pull is not None and fade > _FADED:
-            s = s + fade * (pull - right_inverse(B) @ (B @ pull))
+        if pull is None:
+            return s
+        if damped is None:
+            return s + (pull - right_inverse(B) @ (B @ pull))
+        fade, defined = self._fade(damped[0])
+        if not vanishes(defined):
+            s = s + fade * (pull - right_inverse(B, self._undefined(defined)) @ (B @ pull))
         return s
 
     # --- along a motion: the fast form ------------------------------------------------------------------
@@ -60,17 +65,27 @@ class ServoVelocity:
         regularised = self.damping.regularised(square, square_rate, damped)
         s, s_rate = kernels.right_inverse_motion(B, B_rate, *regularised, desired, desired_rate)
         level, slope = damped
-        fade, fade_rate = self._fade(level), -float(np.vdot(slope, square_rate)) / self.damping.level**2
-        if fade > _FADED:
+        fade, defined = self._fade(level)
+        if not vanishes(defined):
+            fade_rate = -defined * float(np.vdot(slope, square_rate)) / self.damping.level**2
+            own = self._undefined(defined)
+            square = square if own is None else square + own
             seen, seen_rate = kernels.right_inverse_motion(B, B_rate, square, square_rate, along, along_rate)
             free, free_rate = pull - seen, pull_rate - seen_rate
             s += fade * free
             s_rate += fade * free_rate + fade_rate * free
         return s, s_rate
 
-    def _fade(self, level: float) -> float:
-        """Return ψ = 1 − λ²/λ₀²."""
-        return 1.0 - level / self.damping.level**2
+    def _fade(self, level: float) -> tuple[float, float]:
+        """Return ψ = 1 − λ²/λ₀², and 1, or 0 and 0 where N is not defined."""
+        fade = 1.0 - level / self.damping.level**2
+        defined = exceeds(fade, _FADED)
+        return defined * fade, defined
+
+    def _undefined(self, defined: float) -> Array | None:
+        """Return what is added to BBᵀ where N is not defined, so that in a trace what is left out is a number."""
+        left = 1.0 - defined
+        return None if vanishes(left) else left * self.damping.region**2 * self.damping.weight
 
     # --- the full derivatives: the thesis's form --------------------------------------------------------
 
@@ -92,11 +107,12 @@ class ServoVelocity:
         inverse = right_inverse(B, Q)
         s: Array = inverse @ desired
         ds: Array = right_inverse_derivative(B, dB, Q, dQ) @ desired + d_desired @ inverse.T
-        fade = self._fade(level)
-        if pull is not None and d_pull is not None and fade > _FADED:
-            plain, along = right_inverse(B), B @ pull
+        fade, defined = self._fade(level)
+        if pull is not None and d_pull is not None and not vanishes(defined):
+            own = self._undefined(defined)
+            plain, along = right_inverse(B, own), B @ pull
             free = pull - plain @ along
-            d_free = d_pull - right_inverse_derivative(B, dB) @ along - (dB @ pull + d_pull @ B.T) @ plain.T
+            d_free = d_pull - right_inverse_derivative(B, dB, own) @ along - (dB @ pull + d_pull @ B.T) @ plain.T
             s = s + fade * free
-            ds = ds + fade * d_free - d_level[:, None] / self.damping.level**2 * free
+            ds = ds + fade * d_free - defined * d_level[:, None] / self.damping.level**2 * free
         return s, ds

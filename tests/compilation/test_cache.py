@@ -8,6 +8,7 @@ import stat
 import pytest
 
 from phcontrol import CompilationError, CompilationWarning, compile_law, make_controller
+from phcontrol.compilation import compiler as compiler_module
 from phcontrol.compilation.cache import cache_folder, compiled, open_folder
 
 SOURCE = "int phcontrol_law(void);\nint phcontrol_law(void) { return 41; }\n"
@@ -222,6 +223,27 @@ def test_an_object_that_cannot_be_used_does_not_stay(made, folder, compiler, tmp
         compile_law(law)
     monkeypatch.setenv("CC", compiler.path)
     assert compile_law(law).report.covered == 1.0
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("echo 'ld: final link failed: No space left' >&2; echo 'collect2: error: ld returned 1' >&2; exit 1",
+         "failed: ld: final link failed: No space left"),
+        ("echo 'In file included from x' >&2; echo 'law.c:1: error: so' >&2; exit 1", "failed: law.c:1: error: so"),
+        ("exit 3", "failed: it ended with code 3, and says nothing"),
+        ("exit 0", "failed: it ended with code 0, and says nothing"),
+        ("kill -9 $$", "failed: it was ended by signal 9"),
+        ("exec sleep 20", "has not come to an end within 0.5 s, and was stopped"),
+    ],
+)  # fmt: skip
+def test_a_compiler_that_fails_says_why_in_one_line(body, words, folder, compiler, tmp_path, monkeypatch):
+    path = wrapped(tmp_path, compiler, body)
+    monkeypatch.setattr(compiler_module, "_LONGEST", 0.5 if "sleep" in body else 60.0)
+    with pytest.raises(CompilationError) as caught:
+        compiled(SOURCE, compiler._replace(path=path))
+    assert str(caught.value) == f"the compiler {path} {words}"
+    assert not [left for left in folder.iterdir() if left.is_dir()]
 
 
 def test_a_folder_or_a_pipe_in_place_of_an_object(folder, compiler):

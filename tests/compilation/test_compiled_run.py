@@ -13,7 +13,6 @@ from phcontrol import (
     CompilationWarning,
     CompliantBody,
     EnergyShaping,
-    ForceFeedback,
     ForceSensor,
     JointContact,
     Log,
@@ -34,7 +33,6 @@ from phcontrol import (
     load_robot,
     make_controller,
     simulate,
-    with_tank,
 )
 from phcontrol.compilation.rigid_body import ArmPosture
 from phcontrol.tanks import Action
@@ -330,17 +328,3 @@ class Push(Action):
 
     def torque(self, t, x):
         return 0.3 * x.velocity
-
-
-def test_a_tank_whose_law_is_clipped_is_simulated_interpreted():
-    """Compiled loops do not tell it: without limits they are the same, and else it is said."""
-    system = MechanicalSystem(load_robot("pera_shoulder"))
-    law = with_tank(ForceFeedback).tuned(system, actions=Push())
-    run = {"duration": 0.02, "q0": law.goal, "v0": [2.0, -2.0]}
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        simulate(system, law, torque_limit=None, compiled=True, **run)
-    with pytest.warns(CompilationWarning, match="torque limits, for which the law's tank must pay"):
-        clipped = simulate(system, law, torque_limit=15.0, compiled=True, **run)
-    plain = simulate(system, law, torque_limit=15.0, **run)
-    np.testing.assert_array_equal(clipped.tank_level, plain.tank_level)

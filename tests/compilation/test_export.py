@@ -9,9 +9,21 @@ import subprocess
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from typer.testing import CliRunner
 
-from phcontrol import CompilationError, Controller, MechanicalSystem, load_robot, make_controller
+from phcontrol import (
+    CompilationError,
+    Controller,
+    ExternalAction,
+    ForceRegulation,
+    ImpedanceGrasping,
+    Measured,
+    MechanicalSystem,
+    load_robot,
+    make_controller,
+    with_tank,
+)
 from phcontrol.cli import app
 from phcontrol.compilation.export import export_law
 from phcontrol.controllers.command import Command
@@ -55,8 +67,63 @@ def test_a_law_of_two_joints(name, single, shoulder, compiler, tmp_path):
     check(tmp_path / "law", compiler, 1e-4 if single else 1e-12)
 
 
+def test_a_law_with_a_tank(shoulder, compiler, tmp_path):
+    """The tank's level is part of the law's state, and moves with each step."""
+    action = ExternalAction(lambda t, x: 0.5 * np.cos(x.position + t), duration=1.0)
+    law = with_tank(ImpedanceGrasping).tuned(shoulder, actions=action, regulation=ForceRegulation([1.0, -1.0]))
+    exported = export_law(law, tmp_path / "law")
+    assert exported.difference <= 1e-12
+    assert f"#define LAW_STATES {law.state_size} " in (tmp_path / "law" / "law.h").read_text()
+    check(tmp_path / "law", compiler, 1e-12)
+
+
+def test_a_servo_goes_on_through_a_singular_posture(compiler, tmp_path):
+    """Where it stopped: at rest in the middle of what is damped, and where its image Jacobian has no rank."""
+    system = make_system("pera_shoulder_elbow")
+    law = make_controller("hamiltonian_servo", system)
+    export_law(law, tmp_path / "law")
+    features = law.goal + np.array([1e-4, -2e-4, 1e-4])
+
+    def distance(q):
+        B = law.view(system.at(q), features).image_jacobian
+        return law.damping_of_singularities.distance(B @ B.T) / law.singular_region
+
+    options = {"maxiter": 1500, "fatol": 1e-10, "xatol": 1e-10}
+    generator = np.random.default_rng(0)
+    starts = [system.robot.random_position(generator) for _ in range(5)]
+    q = min(
+        (minimize(distance, start, method="Nelder-Mead", options=options) for start in starts), key=lambda r: r.fun
+    ).x
+    assert distance(q) < 1e-5
+    torque = law.evaluate(0.0, system.at(q), np.zeros(0), Measured(features=features)).torque
+
+    def numbers(values):
+        return ", ".join(repr(float(value)) for value in values)
+
+    (tmp_path / "law" / "main.c").write_text(
+        f"""
+#include "law.h"
+#include <stdio.h>
+int main(void) {{
+  law_state self;
+  const law_real q[] = {{{numbers(q)}}}, v[LAW_JOINTS] = {{0}}, seen[] = {{{numbers(features)}}};
+  law_real torque[LAW_JOINTS];
+  law_init(&self);
+  if (law_step(&self, q, v, seen, 0.001, torque) != LAW_OK) return 1;
+  for (int i = 0; i < LAW_JOINTS; i++) printf("%.17g ", torque[i]);
+  return 0;
+}}
+"""
+    )
+    result = run(build(tmp_path / "law", [compiler.path], "-std=c99", *SANITIZED))
+    assert result.returncode == 0, result.stderr
+    np.testing.assert_allclose(np.array(result.stdout.split(), dtype=float), torque, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.study
-@pytest.mark.parametrize("name", ["force_feedback", "tracking", "hamiltonian_servo", "cartesian_impedance"])
+@pytest.mark.parametrize(
+    "name", ["force_feedback", "tracking", "hamiltonian_servo", "cartesian_impedance", "cartesian_tracking"]
+)
 @pytest.mark.parametrize("single", [False, True])
 def test_laws_of_the_panda_by_the_command_and_cmake(name, single, compiler, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -10,12 +10,14 @@ import pytest
 
 from phcontrol import (
     CompilationError,
+    CompilationWarning,
     EnergyShaping,
     ForceFeedback,
     NotTraceableError,
     StribeckFriction,
     compile_law,
     make_controller,
+    simulate,
 )
 from phcontrol.compilation import _plain_caller, caller
 from phcontrol.compilation import compiled_law as compiled_law_module
@@ -186,8 +188,18 @@ class Thrown(ForceFeedback):
     [(Clocked, "time"), (Thrown, "DICE"), (reading(time.time), "what"), (reading(random.random), "what")],
 )
 def test_clocks_and_dice_are_refused_by_name(law, name, shoulder):
-    with pytest.raises(NotTraceableError, match=f"it reads '{name}', a clock or a random generator"):
-        compile_law(law.tuned(shoulder, goal=[0.4, 0.6]))
+    """By a run in C too, which would have them as they were when it was made."""
+    made, words = law.tuned(shoulder, goal=[0.4, 0.6]), f"it reads '{name}', a clock or a random generator"
+    with pytest.raises(NotTraceableError, match=words):
+        compile_law(made)
+    with pytest.warns(CompilationWarning, match=words):
+        simulate(shoulder, made, duration=0.002, compiled=True)
+
+
+def test_a_force_by_the_clock_is_refused_in_runs(shoulder):
+    law = make_controller("energy_shaping", shoulder)
+    with pytest.warns(CompilationWarning, match="what acts on the arm cannot be compiled: it reads 'time', a clock"):
+        simulate(shoulder, law, duration=0.002, compiled=True, disturbance=lambda t, x: time.time() // 1e6 * np.ones(2))
 
 
 def test_the_callers_in_c_take_only_what_they_can_read():
