@@ -48,10 +48,7 @@ from mutation_source import (
 )
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = (
-    "analysis", "cli", "compilation", "controllers", "environments", "mechanics", "potentials", "runs", "runtime",
-    "safety", "sensors", "setpoints", "simulation", "tanks", "thesis", "top", "trajectories", "vision", "visualization",
-)  # fmt: skip
+FOLDERS = (*sorted(path.parent.name for path in ROOT.glob("phcontrol/*/__init__.py")), "top")
 MAP = ROOT / "results" / "mutation" / "map.json"
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 
@@ -202,8 +199,8 @@ def try_mutant(
         elif executing:
             status, by = collected.run(module, *function, executing)
         if status == 0 and span & set(lines.imported.get(module, ())):
-            near = lines.executing(module, span | (set(enclosing(source, mutant["line"]))))
-            usual = within(budget, near or lines.executing(module, function_lines(source)))
+            usual = within(budget, lines.executing(module, span | (set(enclosing(source, mutant["line"])))))
+            usual |= within(budget, lines.executing(module, function_lines(source)))  # objects that modules of tests made
             usual |= within(budget, lines.looking(module))
     else:
         inside = set(enclosing(source, mutant["line"]))
