@@ -200,7 +200,9 @@ def try_mutant(
             status, by = collected.run(module, *function, executing)
         if status == 0 and span & set(lines.imported.get(module, ())):
             usual = within(budget, lines.executing(module, span | (set(enclosing(source, mutant["line"])))))
-            usual |= within(budget, lines.executing(module, function_lines(source)))  # objects that modules of tests made
+            usual |= within(
+                budget, lines.executing(module, function_lines(source))
+            )  # objects that modules of tests made
             usual |= within(budget, lines.looking(module))
     else:
         inside = set(enclosing(source, mutant["line"]))
