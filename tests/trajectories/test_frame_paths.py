@@ -240,7 +240,7 @@ def test_splines_pass_their_waypoints(name):
 
 
 def test_a_period_is_closed_wherever_it_starts():
-    path = FrameSpline("tool", [(point + [0.5, -0.2, 0.9], turn) for point, turn in POSES], TIMES, periodic=True)
+    path = FrameSpline("tool", [(np.add(point, [0.5, -0.2, 0.9]), turn) for point, turn in POSES], TIMES, periodic=True)
     np.testing.assert_allclose(path.at(4.7).position, path.at(0.7).position, atol=1e-14)
     points = POINTS + np.linspace(0.3, -0.3, 7)[:, None]  # from a point to the one opposite of the world's origin
     with pytest.raises(InvalidArgumentError, match=r"must end where they start, but are 0\.6 apart"):
