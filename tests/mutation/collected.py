@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -28,6 +29,17 @@ def measurement(tree: Path) -> coverage.Coverage:
     return recorder
 
 
+def executed_by(recorder: coverage.Coverage, tree: Path) -> dict[str, dict[str, set[int]]]:
+    """Return what was recorded while modules of tests were imported: for each of them, for each module, the lines."""
+    data, found = recorder.get_data(), defaultdict(lambda: defaultdict(set))
+    for file in data.measured_files():
+        module = str(Path(file).relative_to(tree))
+        for line, contexts in data.contexts_by_lineno(file).items():
+            for context in contexts:
+                found[context][module].add(line)
+    return found
+
+
 def executed(recorder: coverage.Coverage, tree: Path) -> dict[str, list[int]]:
     """Return what was recorded: for each module the lines."""
     data = recorder.get_data()
@@ -37,8 +49,10 @@ def executed(recorder: coverage.Coverage, tree: Path) -> dict[str, list[int]]:
 class CollectedTests:
     """The tests of a tree, collected in this process."""
 
-    def __init__(self, tree: Path, items: list[pytest.Item], imported: dict[str, list[int]]) -> None:
-        self.tree, self.imported = tree, imported
+    def __init__(self, tree: Path, items: list[pytest.Item], recorder: coverage.Coverage) -> None:
+        self.tree = tree
+        self.imported = executed(recorder, tree)
+        self.imported_by = executed_by(recorder, tree)
         self.items = {item.nodeid: item for item in items}
         self.warmed: dict[str, list[int]] = {}
         self.failed = ""
@@ -77,7 +91,7 @@ class CollectedTests:
             sys.addaudithook(lambda event, _: started.append(event) if event == "subprocess.Popen" else None)
             start = BaseProcess.start
             BaseProcess.start = lambda process: (started.append("start"), start(process))[1]  # type: ignore[method-assign]
-            signal.setitimer(signal.ITIMER_REAL, 900.0)
+            signal.setitimer(signal.ITIMER_REAL, 300.0)
             recorder = measurement(self.tree)
             item, begin = self.items[name], time.monotonic()
             recorder.start()
@@ -120,7 +134,21 @@ def _key(code: CodeType, file: str = "") -> tuple[str, str, int]:
     return file or code.co_filename, code.co_qualname, code.co_firstlineno
 
 
-def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]) -> int:
+def few_cases(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the tests without the cases of a parametrised one that have no parameter that an earlier case has not."""
+    seen: set[tuple[str, str, str]] = set()
+    kept = []
+    for item in items:
+        name, _, case = item.nodeid.partition("[")
+        parameters = getattr(getattr(item, "callspec", None), "indices", {})
+        values = {(name, parameter, str(value)) for parameter, value in parameters.items()}
+        if not case or values - seen:
+            kept.append(item)
+        seen |= values
+    return kept
+
+
+def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None], few: bool) -> int:
     """Import phcontrol from a tree, collect tests there and call ``work`` with them; return pytest's exit code."""
     os.chdir(tree)
     os.environ["PYTHONPATH"] = str(tree)
@@ -130,10 +158,14 @@ def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]
     recorder.start()
 
     class Plugin:
+        def pytest_collectstart(self, collector: pytest.Collector) -> None:
+            if isinstance(collector, pytest.Module):
+                recorder.switch_context(str(collector.path.relative_to(tree)))
+
         def pytest_runtestloop(self, session: pytest.Session) -> bool:
             recorder.stop()
             assert not session.testsfailed, "some tests cannot be collected"
-            collected = CollectedTests(tree, session.items, executed(recorder, tree))
+            collected = CollectedTests(tree, few_cases(session.items) if few else session.items, recorder)
             session.config.pluginmanager.register(collected)
             work(collected)
             return True

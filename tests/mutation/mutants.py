@@ -73,11 +73,12 @@ class LineMap:
         self.tests: dict[str, dict[str, Any]] = known["tests"]
         self.sources: dict[str, str] = known["sources"]
         self.imported: dict[str, list[int]] = {}
+        self.imported_by: dict[str, dict[str, set[int]]] = {}
         self.usable: dict[str, dict[str, Any]] = {}
 
     def update(self, collected: CollectedTests, tree: Path, only: list[str]) -> None:
         """Record the tests that are new, whose file has changed or that execute a module that has changed."""
-        self.imported = collected.imported
+        self.imported, self.imported_by = collected.imported, collected.imported_by
         now = {str(path.relative_to(tree)): digest(path) for path in sorted(tree.glob("phcontrol/**/*.py"))}
         changed = {module for module in now.keys() | self.sources.keys() if now.get(module) != self.sources.get(module)}
         hashes = {name: digest(tree / name.split("::")[0]) for name in collected.items}
@@ -110,6 +111,11 @@ class LineMap:
             if not lines.isdisjoint(record["lines"].get(module, ()))
         }
         return self._sorted(module, found)
+
+    def importing(self, module: str, lines: set[int]) -> dict[str, float]:
+        """Return the tests of the files that execute one of a module's lines when they are imported."""
+        files = {file for file, executed in self.imported_by.items() if lines & executed.get(module, set())}
+        return self._sorted(module, {n: r["seconds"] for n, r in self.usable.items() if n.split("::")[0] in files})
 
     def starting(self, module: str) -> dict[str, float]:
         """Return the tests that start processes and belong to a module's folder: what they execute is not known."""
@@ -274,6 +280,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of a module's path")
     parser.add_argument("--skip", nargs="*", default=[], help="parts of the paths of modules to leave out")
     parser.add_argument("--tests", nargs="+", default=["tests"], help="test files and folders to use")
+    parser.add_argument("--few", action="store_true", help="each value of a test's parameters once, not all together")
     parser.add_argument("--budget", type=float, default=10.0, help="usual time [s] of the tests that try one mutant")
     parser.add_argument("--map", type=Path, default=MAP, help="where the map of executed lines is kept")
     parser.add_argument("--out", type=Path, default=MAP.with_name("mutants.jsonl"))
@@ -321,7 +328,7 @@ def main() -> None:
                 print(f"\r{number} of {len(chosen)}", end="", flush=True)
             print()
 
-        code = collect(tree, options.tests, work)
+        code = collect(tree, options.tests, work, options.few)
         fresh.close()
         os.chdir(ROOT)
         assert code == 0, f"pytest ended with {code}"
