@@ -7,6 +7,7 @@ import importlib
 import json
 import multiprocessing
 import os
+import random
 import signal
 import sys
 import time
@@ -134,21 +135,19 @@ def _key(code: CodeType, file: str = "") -> tuple[str, str, int]:
     return file or code.co_filename, code.co_qualname, code.co_firstlineno
 
 
-def few_cases(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Return the tests without the cases of a parametrised one that have no parameter that an earlier case has not."""
-    seen: set[tuple[str, str, str]] = set()
-    kept = []
+def some_cases(items: list[pytest.Item], most: int) -> list[pytest.Item]:
+    """Return the tests with at most a number of cases of each parametrised one, drawn at random; 0 for all."""
+    cases = defaultdict(list)
     for item in items:
-        name, _, case = item.nodeid.partition("[")
-        parameters = getattr(getattr(item, "callspec", None), "indices", {})
-        values = {(name, parameter, str(value)) for parameter, value in parameters.items()}
-        if not case or values - seen:
-            kept.append(item)
-        seen |= values
-    return kept
+        cases[item.nodeid.partition("[")[0]].append(item)
+    generator = random.Random(0)
+    kept = {
+        id(item) for own in cases.values() for item in (own if not most else generator.sample(own, min(most, len(own))))
+    }
+    return [item for item in items if id(item) in kept]
 
 
-def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None], few: bool) -> int:
+def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None], most: int) -> int:
     """Import phcontrol from a tree, collect tests there and call ``work`` with them; return pytest's exit code."""
     os.chdir(tree)
     os.environ["PYTHONPATH"] = str(tree)
@@ -165,7 +164,7 @@ def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]
         def pytest_runtestloop(self, session: pytest.Session) -> bool:
             recorder.stop()
             assert not session.testsfailed, "some tests cannot be collected"
-            collected = CollectedTests(tree, few_cases(session.items) if few else session.items, recorder)
+            collected = CollectedTests(tree, some_cases(session.items, most), recorder)
             session.config.pluginmanager.register(collected)
             work(collected)
             return True

@@ -280,7 +280,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of a module's path")
     parser.add_argument("--skip", nargs="*", default=[], help="parts of the paths of modules to leave out")
     parser.add_argument("--tests", nargs="+", default=["tests"], help="test files and folders to use")
-    parser.add_argument("--few", action="store_true", help="each value of a test's parameters once, not all together")
+    parser.add_argument("--cases", type=int, default=0, help="how many cases of a parametrised test at most; 0 for all")
     parser.add_argument("--budget", type=float, default=10.0, help="usual time [s] of the tests that try one mutant")
     parser.add_argument("--map", type=Path, default=MAP, help="where the map of executed lines is kept")
     parser.add_argument("--out", type=Path, default=MAP.with_name("mutants.jsonl"))
@@ -328,7 +328,7 @@ def main() -> None:
                 print(f"\r{number} of {len(chosen)}", end="", flush=True)
             print()
 
-        code = collect(tree, options.tests, work, options.few)
+        code = collect(tree, options.tests, work, options.cases)
         fresh.close()
         os.chdir(ROOT)
         assert code == 0, f"pytest ended with {code}"
