@@ -3,7 +3,7 @@
     pip install cosmic-ray coverage
     nice -n 15 python tests/mutation/mutants.py --folders vision sensors --sample 120 --out mutants.jsonl
     nice -n 15 python tests/mutation/mutants.py --retry mutants.jsonl       # its survivors again, after new tests
-    (the first command again goes on where it was stopped)
+    (the first command again goes on where it was stopped; --tests tests/vision and --cases 2 make a first look shorter)
     python tests/mutation/mutants.py --table mutants.jsonl
 
 The mutants are Cosmic Ray's. Of the ten replacements it has for each operator only the likely slips are used
