@@ -82,9 +82,10 @@ class CollectedTests:
         gc.collect()
         gc.freeze()
 
-    def record(self, name: str) -> dict[str, Any]:
+    def record(self, name: str, longest: float) -> dict[str, Any]:
         """Run one test by itself; return whether it passed, its time [s], the lines it executed, and whether it
-        started a process (whose lines are not seen).
+        started a process (whose lines are not seen). One that takes more than ``longest`` of the processor [s] is given
+        up, as one that failed.
         """
 
         def run(pipe: int) -> int:
@@ -92,7 +93,8 @@ class CollectedTests:
             sys.addaudithook(lambda event, _: started.append(event) if event == "subprocess.Popen" else None)
             start = BaseProcess.start
             BaseProcess.start = lambda process: (started.append("start"), start(process))[1]  # type: ignore[method-assign]
-            signal.setitimer(signal.ITIMER_REAL, 300.0)
+            signal.setitimer(signal.ITIMER_REAL, 900.0)
+            signal.setitimer(signal.ITIMER_PROF, longest)
             recorder = measurement(self.tree)
             item, begin = self.items[name], time.monotonic()
             recorder.start()

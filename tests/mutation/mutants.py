@@ -76,7 +76,7 @@ class LineMap:
         self.imported_by: dict[str, dict[str, set[int]]] = {}
         self.usable: dict[str, dict[str, Any]] = {}
 
-    def update(self, collected: CollectedTests, tree: Path, only: list[str]) -> None:
+    def update(self, collected: CollectedTests, tree: Path, only: list[str], longest: float) -> None:
         """Record the tests that are new, whose file has changed or that execute a module that has changed."""
         self.imported, self.imported_by = collected.imported, collected.imported_by
         now = {str(path.relative_to(tree)): digest(path) for path in sorted(tree.glob("phcontrol/**/*.py"))}
@@ -93,9 +93,9 @@ class LineMap:
         self.tests, self.sources = kept, now
         for number, name in enumerate(missing, start=1):
             print(f"\rmap: {number} of {len(missing)}" if number % 20 == 0 else "", end="", flush=True)
-            record = collected.record(name)
+            record = collected.record(name, longest)
             if not record["passed"]:
-                print(f"\nnot used, fails by itself: {name}")
+                print(f"\nnot used, fails by itself or takes too long: {name}")
             kept[name] = {**record, "hash": hashes[name]}
             if number % 25 == 0 or number == len(missing):
                 self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -281,6 +281,7 @@ def main() -> None:
     parser.add_argument("--skip", nargs="*", default=[], help="parts of the paths of modules to leave out")
     parser.add_argument("--tests", nargs="+", default=["tests"], help="test files and folders to use")
     parser.add_argument("--cases", type=int, default=0, help="how many cases of a parametrised test at most; 0 for all")
+    parser.add_argument("--longest", type=float, default=300.0, help="processor time [s] from which a test is not used")
     parser.add_argument("--budget", type=float, default=10.0, help="usual time [s] of the tests that try one mutant")
     parser.add_argument("--map", type=Path, default=MAP, help="where the map of executed lines is kept")
     parser.add_argument("--out", type=Path, default=MAP.with_name("mutants.jsonl"))
@@ -318,7 +319,7 @@ def main() -> None:
         lines, fresh = LineMap(options.map), FreshImports(tree)
 
         def work(collected: CollectedTests) -> None:
-            lines.update(collected, tree, options.tests)
+            lines.update(collected, tree, options.tests, options.longest)
             collected.warm_up()
             options.out.parent.mkdir(parents=True, exist_ok=True)
             for number, mutant in enumerate(chosen, start=1):
