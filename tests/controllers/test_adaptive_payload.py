@@ -141,3 +141,17 @@ def test_bad_arguments():
     with pytest.raises(UnknownNameError):
         AdaptivePayload.tuned(model, frame="nothing")
     assert AdaptivePayload.tuned(model, actual=arm.robot).actual.robot is arm.robot
+
+
+def test_by_default_a_weight_in_the_hand_is_found_at_twenty_a_second_where_it_is_felt_most(rng):
+    """With the damper slow, −ΓYᵀC⁻¹Y(π̂ − π): Y of a mass is 𝒥ᵀ of its weight. The rest goes by a usual body's size."""
+    system, _ = pair()
+    law = AdaptivePayload.tuned(system)
+    rates = []
+    for _ in range(200):
+        x = system.at(system.robot.random_position(rng))
+        weight = 9.81 * x.frame_jacobian(system.hand_frame, "local_world_aligned")[2]
+        rates.append(law.adaptation[0, 0] * float(weight @ np.linalg.solve(law.damping, weight)))
+    assert max(rates) == pytest.approx(20.0, rel=0.3)
+    usual = np.array([1.0, *[0.1] * 3, *[0.02] * 6])  # [kg], [kg m], [kg m²]
+    np.testing.assert_allclose(law.adaptation / law.adaptation[0, 0], np.diag(usual**2), rtol=1e-12)

@@ -29,6 +29,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.controllers.cartesian_law import BANDWIDTH
 from phcontrol.controllers.shaping import EMPTY
 from phcontrol.runs.cartesian import run_cartesian
 from tests.controllers.arms import arm
@@ -507,3 +508,14 @@ def test_a_goal_out_of_reach_says_by_how_much(panda):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         CartesianImpedance(panda, goal=pose(panda, POSTURES[2]), **HAND)
+
+
+@pytest.mark.parametrize("desired", [{}, {"bandwidth": 3.0}])
+def test_the_default_stiffness_suits_the_hands_inertia(panda, desired):
+    """A mass on each spring, the harmonic mean of those that the hand has in three directions, swings at ω."""
+    law = make_controller("cartesian_impedance", panda, **desired)
+    x = panda.at(panda.robot.near_home())
+    jacobian = x.frame_jacobian(panda.hand_frame, "local_world_aligned")
+    masses = [1.0 / (axis @ np.linalg.solve(x.mass_matrix, axis)) for axis in jacobian[:3]]
+    expected = desired.get("bandwidth", BANDWIDTH) ** 2 * 3.0 / np.sum(1.0 / np.array(masses))
+    np.testing.assert_allclose(law.translational_stiffness, expected * np.eye(3), rtol=1e-9)

@@ -165,6 +165,26 @@ def test_the_feature_gain_of_the_reduction_is_square_on_three_joints_alone():
     assert isinstance(law, ReductionServo)
 
 
+def test_objects_that_a_servo_shall_lose_are_behind_the_camera_or_beside_its_image(rng):
+    """One in eight; in an image that is wide, each direction has its own reach."""
+    system = make_system("pera")
+    camera = PinholeCamera(0.01, field_of_view=0.4, image_size=(640, 320))
+    law = make_controller("hamiltonian_servo", system, camera=camera, goal=[0.0, 0.0, 0.003], lost="hold")
+    x, half = system.at(system.robot.near_home()), 0.01 * np.tan(0.2) * np.array([1.0, 0.5])
+    scenes = [law.random_scene(x, rng) for _ in range(800)]
+    placed = np.array([x.placement(law.frame).actInv(np.asarray(scene.position)) for scene in scenes])
+    shares = 0.01 * placed[:, :2] / placed[:, 2:] / half
+    behind = placed[:, 2] < 0.0
+    beside = ~behind & (np.abs(shares) > 1.0 + 1e-9).any(axis=1)
+    assert behind.mean() == pytest.approx(1.0 / 16.0, abs=0.025)
+    assert beside.mean() == pytest.approx(1.0 / 16.0, abs=0.025)
+    assert 1.5 <= np.abs(shares[beside]).min() < 1.8
+    assert 2.6 < np.abs(shares[beside]).max() <= 3.0
+    assert (shares[beside] > 0.0).any(axis=0).all()
+    assert (shares[beside] < 0.0).any(axis=0).all()
+    np.testing.assert_allclose(np.abs(shares[~beside & ~behind]).max(axis=0), 1.0, atol=0.03)
+
+
 @pytest.mark.parametrize("field_of_view", [None, 0.4])
 def test_scenes_that_a_servo_is_tried_on_are_in_view(field_of_view, rng):
     """Up to half a focal length from the axis and inside the image, half to twice as far as at the goal."""

@@ -33,6 +33,13 @@ def test_before_its_start_and_after_its_end_the_first_and_the_last_law_act(laws)
     assert [schedule.active(t) for t in (-5.0, 0.0, 1.0 - 1e-9, 1.0, 99.0)] == [*[laws[0]] * 3, laws[1], laws[1]]
 
 
+def test_it_rests_under_the_force_of_its_first_law(shoulder, laws):
+    pressing = make_controller("force_control", shoulder, force=[2.0, -1.0])
+    x = shoulder.at([0.1, 0.2])
+    np.testing.assert_array_equal(Schedule([(0.0, pressing), (1.0, laws[0])]).rest_force(x), [2.0, -1.0])
+    assert Schedule([(0.0, laws[0]), (1.0, pressing)]).rest_force(x) is None
+
+
 def test_each_law_keeps_its_own_interconnection(rng):
     system = make_system("pera")  # on the arms of two and three joints both J̄₂ are the same matrix
     laws = [make_controller("integral_action", system, interconnection=form) for form in ("coriolis", "canonical")]

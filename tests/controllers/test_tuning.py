@@ -134,7 +134,18 @@ def test_friction_limits_by_how_much_forces_are_amplified():
         x = bare.at(bare.robot.home)
         rates = np.linalg.eigvals(np.linalg.solve(x.mass_matrix, x.damping_matrix)).real
         assert amplified[0, 0] < 0.1 * most
-        assert 1e-3 * amplified[0, 0] * rates.max() <= 1.0 + 1e-9
+        assert 0.1 < 1e-3 * amplified[0, 0] * rates.max() <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_default_gains_are_those_of_twice_the_mean_inertia(name, rng):
+    """Without friction: K_p = ω²M_d, C = 2ωM_d, diagonal; the mean is that of postures of our own."""
+    system = MechanicalSystem(arm(name).robot, friction=None)
+    law = make_controller("energy_shaping", system)
+    mean = np.mean([system.at(system.robot.random_position(rng)).mass_matrix for _ in range(400)], axis=0)
+    np.testing.assert_allclose(law.stiffness, np.diag(np.diag(law.stiffness)))
+    np.testing.assert_allclose(np.diag(law.stiffness), 16.0 * 2.0 * np.diag(mean), rtol=0.2)
+    np.testing.assert_allclose(law.damping, 2.0 / 4.0 * law.stiffness, rtol=1e-12)
 
 
 @pytest.mark.parametrize("law", [n for n in LAWS if n != "force_control" and CONTROLLERS[n].law.run == "position"])

@@ -16,6 +16,8 @@ X = make_system("pera_shoulder").at([0.3, 0.2])
 
 
 @given(st.floats(-10, 10), st.floats(-5, 5), st.floats(0.1, 5))
+@example(1.0, 1.0, 0.5)
+@example(1.5, 1.0, 0.5)
 def test_step_and_pulse(t, start, duration):
     np.testing.assert_array_equal(Step(FORCE, start)(t, X), FORCE * (t >= start))
     np.testing.assert_array_equal(Pulse(FORCE, start, duration)(t, X), FORCE * (start <= t < start + duration))

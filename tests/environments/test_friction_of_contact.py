@@ -22,12 +22,12 @@ from tests.controllers.arms import arm
 from tests.finite_differences import derivative
 
 
-def touching(system, x, tilt=None, **options):
+def touching(system, x, tilt=None, kind=RigidBody, **options):
     """Return a plane that a fingertip of 2 cm sinks 1 mm into."""
     turn = np.eye(3) if tilt is None else tilt
     tip = x.placement(system.hand_frame).translation
     contact = SphereContact(system.hand_frame, 0.02, "plane", position=tip - 0.019 * turn[:, 2], rotation=turn)
-    return RigidBody(contact, **options)
+    return kind(contact, **options)
 
 
 def tilted():
@@ -64,13 +64,19 @@ def test_slip_is_the_velocity_of_the_touching_point(rng):
     np.testing.assert_allclose(body.geometry.slip(x) @ x.velocity, expected, atol=1e-8)
 
 
-def test_it_never_gives_energy_and_opposes_what_slides(rng):
+def compliant(contact, **options):
+    return CompliantBody(contact, stiffness=5e3, damping=50.0, mass=0.5, **options)
+
+
+@pytest.mark.parametrize("kind", [RigidBody, compliant])
+def test_it_never_gives_energy_and_opposes_what_slides(kind, rng):
     system, turn = arm("panda"), tilted()
     x0 = system.at(system.robot.near_home())
-    smooth, rough = touching(system, x0, turn), touching(system, x0, turn, friction=0.4)
+    smooth, rough = touching(system, x0, turn, kind), touching(system, x0, turn, kind, friction=0.4)
+    state = smooth.initial_state()
     for _ in range(100):
         x = system.at(x0.position, rng.normal(size=7) * 10.0 ** rng.uniform(-6, 1))
-        without, with_ = smooth.touch(x, np.zeros(0)), rough.touch(x, np.zeros(0))
+        without, with_ = smooth.touch(x, state), rough.touch(x, state)
         taken = float((without.force - with_.force) @ x.velocity)
         assert taken >= 0.0
         assert with_.dissipated - without.dissipated == pytest.approx(taken, rel=1e-6, abs=1e-15)

@@ -7,9 +7,11 @@ import importlib
 import json
 import multiprocessing
 import os
+import random
 import signal
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -28,6 +30,17 @@ def measurement(tree: Path) -> coverage.Coverage:
     return recorder
 
 
+def executed_by(recorder: coverage.Coverage, tree: Path) -> dict[str, dict[str, set[int]]]:
+    """Return what was recorded while modules of tests were imported: for each of them, for each module, the lines."""
+    data, found = recorder.get_data(), defaultdict(lambda: defaultdict(set))
+    for file in data.measured_files():
+        module = str(Path(file).relative_to(tree))
+        for line, contexts in data.contexts_by_lineno(file).items():
+            for context in contexts:
+                found[context][module].add(line)
+    return found
+
+
 def executed(recorder: coverage.Coverage, tree: Path) -> dict[str, list[int]]:
     """Return what was recorded: for each module the lines."""
     data = recorder.get_data()
@@ -37,8 +50,10 @@ def executed(recorder: coverage.Coverage, tree: Path) -> dict[str, list[int]]:
 class CollectedTests:
     """The tests of a tree, collected in this process."""
 
-    def __init__(self, tree: Path, items: list[pytest.Item], imported: dict[str, list[int]]) -> None:
-        self.tree, self.imported = tree, imported
+    def __init__(self, tree: Path, items: list[pytest.Item], recorder: coverage.Coverage) -> None:
+        self.tree = tree
+        self.imported = executed(recorder, tree)
+        self.imported_by = executed_by(recorder, tree)
         self.items = {item.nodeid: item for item in items}
         self.warmed: dict[str, list[int]] = {}
         self.failed = ""
@@ -67,9 +82,10 @@ class CollectedTests:
         gc.collect()
         gc.freeze()
 
-    def record(self, name: str) -> dict[str, Any]:
+    def record(self, name: str, longest: float) -> dict[str, Any]:
         """Run one test by itself; return whether it passed, its time [s], the lines it executed, and whether it
-        started a process (whose lines are not seen).
+        started a process (whose lines are not seen). One that takes more than ``longest`` of the processor [s] is given
+        up, as one that failed.
         """
 
         def run(pipe: int) -> int:
@@ -78,6 +94,7 @@ class CollectedTests:
             start = BaseProcess.start
             BaseProcess.start = lambda process: (started.append("start"), start(process))[1]  # type: ignore[method-assign]
             signal.setitimer(signal.ITIMER_REAL, 900.0)
+            signal.setitimer(signal.ITIMER_PROF, longest)
             recorder = measurement(self.tree)
             item, begin = self.items[name], time.monotonic()
             recorder.start()
@@ -120,7 +137,19 @@ def _key(code: CodeType, file: str = "") -> tuple[str, str, int]:
     return file or code.co_filename, code.co_qualname, code.co_firstlineno
 
 
-def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]) -> int:
+def some_cases(items: list[pytest.Item], most: int) -> list[pytest.Item]:
+    """Return the tests with at most a number of cases of each parametrised one, drawn at random; 0 for all."""
+    cases = defaultdict(list)
+    for item in items:
+        cases[item.nodeid.partition("[")[0]].append(item)
+    generator = random.Random(0)
+    kept = {
+        id(item) for own in cases.values() for item in (own if not most else generator.sample(own, min(most, len(own))))
+    }
+    return [item for item in items if id(item) in kept]
+
+
+def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None], most: int) -> int:
     """Import phcontrol from a tree, collect tests there and call ``work`` with them; return pytest's exit code."""
     os.chdir(tree)
     os.environ["PYTHONPATH"] = str(tree)
@@ -130,10 +159,14 @@ def collect(tree: Path, tests: list[str], work: Callable[[CollectedTests], None]
     recorder.start()
 
     class Plugin:
+        def pytest_collectstart(self, collector: pytest.Collector) -> None:
+            if isinstance(collector, pytest.Module):
+                recorder.switch_context(str(collector.path.relative_to(tree)))
+
         def pytest_runtestloop(self, session: pytest.Session) -> bool:
             recorder.stop()
             assert not session.testsfailed, "some tests cannot be collected"
-            collected = CollectedTests(tree, session.items, executed(recorder, tree))
+            collected = CollectedTests(tree, some_cases(session.items, most), recorder)
             session.config.pluginmanager.register(collected)
             work(collected)
             return True

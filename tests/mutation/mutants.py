@@ -3,7 +3,7 @@
     pip install cosmic-ray coverage
     nice -n 15 python tests/mutation/mutants.py --folders vision sensors --sample 120 --out mutants.jsonl
     nice -n 15 python tests/mutation/mutants.py --retry mutants.jsonl       # its survivors again, after new tests
-    (the first command again goes on where it was stopped)
+    (the first command again goes on where it was stopped; --tests tests/vision and --cases 2 make a first look shorter)
     python tests/mutation/mutants.py --table mutants.jsonl
 
 The mutants are Cosmic Ray's. Of the ten replacements it has for each operator only the likely slips are used
@@ -48,10 +48,7 @@ from mutation_source import (
 )
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = (
-    "analysis", "cli", "compilation", "controllers", "environments", "mechanics", "potentials", "runs", "runtime",
-    "safety", "sensors", "setpoints", "simulation", "tanks", "thesis", "top", "trajectories", "vision", "visualization",
-)  # fmt: skip
+FOLDERS = (*sorted(path.parent.name for path in ROOT.glob("phcontrol/*/__init__.py")), "top")
 MAP = ROOT / "results" / "mutation" / "map.json"
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 
@@ -76,11 +73,12 @@ class LineMap:
         self.tests: dict[str, dict[str, Any]] = known["tests"]
         self.sources: dict[str, str] = known["sources"]
         self.imported: dict[str, list[int]] = {}
+        self.imported_by: dict[str, dict[str, set[int]]] = {}
         self.usable: dict[str, dict[str, Any]] = {}
 
-    def update(self, collected: CollectedTests, tree: Path, only: list[str]) -> None:
+    def update(self, collected: CollectedTests, tree: Path, only: list[str], longest: float) -> None:
         """Record the tests that are new, whose file has changed or that execute a module that has changed."""
-        self.imported = collected.imported
+        self.imported, self.imported_by = collected.imported, collected.imported_by
         now = {str(path.relative_to(tree)): digest(path) for path in sorted(tree.glob("phcontrol/**/*.py"))}
         changed = {module for module in now.keys() | self.sources.keys() if now.get(module) != self.sources.get(module)}
         hashes = {name: digest(tree / name.split("::")[0]) for name in collected.items}
@@ -95,9 +93,9 @@ class LineMap:
         self.tests, self.sources = kept, now
         for number, name in enumerate(missing, start=1):
             print(f"\rmap: {number} of {len(missing)}" if number % 20 == 0 else "", end="", flush=True)
-            record = collected.record(name)
+            record = collected.record(name, longest)
             if not record["passed"]:
-                print(f"\nnot used, fails by itself: {name}")
+                print(f"\nnot used, fails by itself or takes too long: {name}")
             kept[name] = {**record, "hash": hashes[name]}
             if number % 25 == 0 or number == len(missing):
                 self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,6 +111,11 @@ class LineMap:
             if not lines.isdisjoint(record["lines"].get(module, ()))
         }
         return self._sorted(module, found)
+
+    def importing(self, module: str, lines: set[int]) -> dict[str, float]:
+        """Return the tests of the files that execute one of a module's lines when they are imported."""
+        files = {file for file, executed in self.imported_by.items() if lines & executed.get(module, set())}
+        return self._sorted(module, {n: r["seconds"] for n, r in self.usable.items() if n.split("::")[0] in files})
 
     def starting(self, module: str) -> dict[str, float]:
         """Return the tests that start processes and belong to a module's folder: what they execute is not known."""
@@ -202,8 +205,10 @@ def try_mutant(
         elif executing:
             status, by = collected.run(module, *function, executing)
         if status == 0 and span & set(lines.imported.get(module, ())):
-            near = lines.executing(module, span | (set(enclosing(source, mutant["line"]))))
-            usual = within(budget, near or lines.executing(module, function_lines(source)))
+            usual = within(budget, lines.executing(module, span | (set(enclosing(source, mutant["line"])))))
+            usual |= within(
+                budget, lines.executing(module, function_lines(source))
+            )  # objects that modules of tests made
             usual |= within(budget, lines.looking(module))
     else:
         inside = set(enclosing(source, mutant["line"]))
@@ -275,6 +280,8 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of a module's path")
     parser.add_argument("--skip", nargs="*", default=[], help="parts of the paths of modules to leave out")
     parser.add_argument("--tests", nargs="+", default=["tests"], help="test files and folders to use")
+    parser.add_argument("--cases", type=int, default=0, help="how many cases of a parametrised test at most; 0 for all")
+    parser.add_argument("--longest", type=float, default=300.0, help="processor time [s] from which a test is not used")
     parser.add_argument("--budget", type=float, default=10.0, help="usual time [s] of the tests that try one mutant")
     parser.add_argument("--map", type=Path, default=MAP, help="where the map of executed lines is kept")
     parser.add_argument("--out", type=Path, default=MAP.with_name("mutants.jsonl"))
@@ -312,7 +319,7 @@ def main() -> None:
         lines, fresh = LineMap(options.map), FreshImports(tree)
 
         def work(collected: CollectedTests) -> None:
-            lines.update(collected, tree, options.tests)
+            lines.update(collected, tree, options.tests, options.longest)
             collected.warm_up()
             options.out.parent.mkdir(parents=True, exist_ok=True)
             for number, mutant in enumerate(chosen, start=1):
@@ -322,7 +329,7 @@ def main() -> None:
                 print(f"\r{number} of {len(chosen)}", end="", flush=True)
             print()
 
-        code = collect(tree, options.tests, work)
+        code = collect(tree, options.tests, work, options.cases)
         fresh.close()
         os.chdir(ROOT)
         assert code == 0, f"pytest ended with {code}"

@@ -52,8 +52,11 @@ def change(before: str, after: str) -> list[str]:
     """
     old = before.splitlines()
     lines = list(difflib.ndiff(old, after.splitlines()))
-    out, put = (" ".join(line[2:].strip() for line in lines if line.startswith(sign)) for sign in ("- ", "+ "))
-    first = next(k for k, line in enumerate(lines) if line.startswith(("- ", "+ ")))
+    out, put = (
+        " ".join(line[2:].strip() for line in lines if line.startswith(sign) and line[2:].strip())
+        for sign in ("- ", "+ ")
+    )
+    first = next(k for k, line in enumerate(lines) if line.startswith(("- ", "+ ")) and line[2:].strip())
     if out.startswith("@"):
         return [f"{out} {old[first + 1].strip()}", f"{put} {old[first + 1].strip()}".strip()]
     if out in ("break", "continue", "pass"):

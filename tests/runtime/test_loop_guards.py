@@ -27,7 +27,7 @@ from phcontrol import (
 )
 from phcontrol.runtime.duration_histogram import DurationHistogram
 from phcontrol.runtime.restart_policy import RestartPolicy
-from phcontrol.runtime.timing import TimingRecorder
+from phcontrol.runtime.timing import Timing, TimingRecorder
 from tests.conftest import make_system
 from tests.runtime.test_control_loop import PERIOD, Clock, make_loop
 from tests.simulation.idle import IdleLaw
@@ -504,6 +504,33 @@ def test_restarts_back_off_and_are_given_up(shoulder, every):
     assert loop.mode == LoopMode.RUNNING
 
 
+def test_a_stop_waits_twice_as_long_as_the_one_before_it():
+    """A tenth of a second, two, four, eight, sixteen; the sixth is the last. Steps are counted until it is ready."""
+    policy, waited = RestartPolicy(PERIOD), []
+    for _ in range(5):
+        assert policy.note_stop() == ""
+        steps = 0
+        while not policy.is_ready:
+            policy.note_waiting(True, PERIOD)
+            steps += 1
+        waited.append(steps)
+    np.testing.assert_array_equal(waited, np.round(0.1 / PERIOD * 2.0 ** np.arange(5)))
+    assert policy.note_stop() == "gave up after 6 stops"
+    policy.note_waiting(True, PERIOD)
+    policy.note_waiting(False, PERIOD)  # all good time is lost
+    for _ in range(round(3.2 / PERIOD)):
+        assert not policy.is_ready
+        policy.note_waiting(True, PERIOD)
+    assert policy.is_ready
+    for _ in range(round(60.0 / PERIOD)):
+        policy.note_running()
+    policy.note_stop()
+    assert policy.recovery_time == pytest.approx(0.1)
+    for elapsed, complaint in ((10.0, ""), (0.09, ""), (0.02, "gave up: not 0.1 s of good readings in 10.1 s")):
+        policy.note_waiting(False, elapsed)
+        assert policy.complaint == complaint
+
+
 def test_rare_stops_are_forgiven():
     policy = RestartPolicy(PERIOD)
     for _ in range(50):
@@ -565,6 +592,13 @@ def test_timing_figures_are_those_of_the_steps():
     assert timing.skipped == 0
     assert timing.interval_p50 == pytest.approx(1e-3, rel=5e-3)
     assert "1000 steps" in str(timing)
+
+
+def test_timing_is_told_in_microseconds_and_milliseconds():
+    told = str(Timing(7, 1.0, 2.0, 3.0, 4.0, 5, 6, 7.0, 8.0, 9.0))
+    expected = ["7 steps", "1000000 µs median", "2000000 µs p99,", "3000000 µs p99.9", "4000000 µs at most"]
+    expected += ["5 periods missed", "6 of them", "7000.000 ms median", "8000.000 ms p99.9", "9000.000 ms at most"]
+    assert [each for each in expected if each not in told] == []
 
 
 def test_a_loop_takes_no_more_memory_the_longer_it_runs(shoulder):

@@ -107,6 +107,11 @@ def test_lateness_is_measured_and_missed_periods_are_counted(monkeypatch):
     assert "change: period: it is not kept" in str(found)
 
 
+def test_lateness_is_told_in_microseconds():
+    told = str(module.Preflight([module.Finding("clock", "tsc", "")], 2e-3, 7, 1.0, 2.0, 3.0, 5))
+    assert "7 of 2 ms began late by 1000000 µs median, 2000000 µs p99.9, 3000000 µs at most; 5 missed" in told
+
+
 def test_the_command_says_it_in_json_and_by_its_exit_code():
     result = CliRunner().invoke(app, ["preflight", "--seconds", "0.2", "--json"])
     found = json.loads(result.stdout)

@@ -239,6 +239,14 @@ def test_splines_pass_their_waypoints(name):
             np.testing.assert_allclose(PATHS[name].at(t).rotation, turn, atol=1e-12)
 
 
+def test_a_period_is_closed_wherever_it_starts():
+    path = FrameSpline("tool", [(np.add(point, [0.5, -0.2, 0.9]), turn) for point, turn in POSES], TIMES, periodic=True)
+    np.testing.assert_allclose(path.at(4.7).position, path.at(0.7).position, atol=1e-14)
+    points = POINTS + np.linspace(0.3, -0.3, 7)[:, None]  # from a point to the one opposite of the world's origin
+    with pytest.raises(InvalidArgumentError, match=r"must end where they start, but are 0\.6 apart"):
+        FrameSpline("tool", list(zip(points, TURNS, strict=True)), TIMES, periodic=True)
+
+
 def test_a_whole_turn_goes_on_turning():
     path = PATHS["whole_turn_spline"]
     angles = np.unwrap([np.arctan2(*path.at(t).rotation[[1, 0], 0]) for t in np.linspace(0.5, 12.5, 301)])

@@ -107,6 +107,15 @@ def test_positions_alone_for_an_arm_of_few_joints():
     assert error < 1e-6
 
 
+def test_a_redundant_arm_goes_the_way_that_the_pseudoinverse_leads():
+    """Few samples, so that steps are long: where they lead is seen against another integrator at the same times."""
+    system, frame, q, pose = start_of("panda")
+    line = FrameLine(frame, pose, moved(pose, -0.2, 0.2, -0.15), 0.05)
+    _, speeds, _, _ = followed(line, system, q)
+    fastest = np.abs(speeds[::75] / usual_speed(system.robot)).max()
+    assert within_limits(line, system, q, samples=21).factor == pytest.approx(fastest / 0.5, rel=1e-6)
+
+
 def test_what_the_arm_cannot_follow_is_refused(monkeypatch):
     system, frame, q, pose = start_of("ur5")
     far = FrameLine(frame, pose, moved(pose, 2.0, 0.0, 0.0), 1.0)
@@ -130,8 +139,13 @@ def test_what_the_arm_cannot_follow_is_refused(monkeypatch):
     ):
         within_limits(FrameLine(tool, arm.at(beyond).placement(tool), place, 1.0), arm, beyond)
     monkeypatch.setattr(path_limits, "_CORRECTIONS", 1)
-    with pytest.raises(UnreachableTargetError, match=r"'tool0' of ur5 does not reach its target at .* s of the path"):
+    complaint = r"'tool0' of ur5 does not reach its target at .* s of the path"
+    with pytest.raises(UnreachableTargetError, match=complaint) as caught:
         within_limits(near, system, q + 1e-5)
+    posture = caught.value.nearest
+    there = system.at(posture.position).placement(frame)
+    assert posture.distance == pytest.approx(np.linalg.norm(there.translation - pose.translation), rel=1e-4)
+    assert posture.angle == pytest.approx(np.linalg.norm(pin.log3(there.rotation.T @ pose.rotation)), rel=1e-4)
 
 
 @pytest.mark.parametrize(

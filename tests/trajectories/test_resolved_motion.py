@@ -124,7 +124,8 @@ def test_near_singularities_it_is_damped_as_said(arm, rows, seed):
     motion = resolved_motion(system.at(q, rng.normal(size=system.n)), frame, asked)
     jacobian, weighed = rows_of(system, q, frame, rows)
     left, values, right = np.linalg.svd(weighed, full_matrices=False)
-    square = (0.6 * SINGULAR_REGION) ** 2 * (1.0 - (values[-1] / SINGULAR_REGION) ** 2) ** 2
+    depths = np.maximum(0.0, 1.0 - (values / SINGULAR_REGION) ** 2)
+    square = (0.6 * SINGULAR_REGION) ** 2 * (1.0 - np.prod(1.0 - depths**2))
     weighed_twist = np.array([1.0, 1.0, 1.0, LENGTH, LENGTH, LENGTH])[:rows] * asked.twist
     expected = right.T @ (values / (values**2 + square) * (left.T @ weighed_twist))
     np.testing.assert_allclose(motion.velocity, expected, atol=1e-8 * np.abs(expected).max())

@@ -71,6 +71,7 @@ def test_the_thesis_sinusoid():
     np.testing.assert_allclose(q1.at(0.0).velocity, 0.0, atol=1e-15)
     np.testing.assert_allclose(q1.at(15.0).position, [4 * math.pi / 9, 0.0], atol=1e-15)
     assert q1.at(7.5).velocity[0] == pytest.approx(2 * math.pi / 9 * 2 * math.pi / 30)
+    np.testing.assert_allclose(Sinusoid(0.5, 2.0).at(0.25).position, 0.5, atol=1e-15)  # about 0, if no offset is given
 
 
 def test_minimum_jerk_is_the_optimum_and_its_peak_speed_is_known():
@@ -141,6 +142,8 @@ def test_smoothing_is_the_smoothing_spline_and_takes_noise_away(rng):
     rough = SampledTrajectory(FINE, noisy)
     for t in np.linspace(0.1, 5.9, 20):
         np.testing.assert_allclose(trajectory.at(t).position, [joint(t) for joint in references], atol=1e-12)
+    alone = SampledTrajectory(FINE, noisy[:, :1], smoothing=1e-3)
+    np.testing.assert_allclose(alone.at(1.7).position, [references[0](1.7)], atol=1e-12)
     errors = {
         name: np.abs(
             [path.at(t).velocity - [np.cos(t), 1 - 2 * np.sin(2 * t)] for t in np.linspace(0.5, 5.5, 99)]

@@ -16,7 +16,7 @@ from phcontrol import (
     calibrate_hand_eye,
     load_robot,
 )
-from phcontrol.vision.hand_eye import _closed_form
+from phcontrol.vision.hand_eye import _closed_form, _refined
 from tests.vision.markers import marker_image
 
 X = pin.SE3(pin.rpy.rpyToMatrix(0.2, -0.1, 1.5), np.array([0.04, -0.06, 0.02]))
@@ -41,6 +41,13 @@ def test_true_poses_give_the_true_camera(rng):
     np.testing.assert_allclose(found.marker.homogeneous, W.homogeneous, atol=1e-9)
     assert found.rotation_residual < 1e-9
     assert found.translation_error < 1e-9
+
+
+def test_it_is_refined_to_the_end(rng):
+    """Also from a first guess 10 cm and half a radian away."""
+    hands, markers = looks(6, rng)
+    first = X * pin.exp6(np.array([0.06, -0.07, 0.05, 0.3, -0.3, 0.3]))
+    np.testing.assert_allclose(_refined(hands, markers, first)[2].homogeneous, X.homogeneous, atol=1e-10)
 
 
 def test_matrices_do_as_well(rng):

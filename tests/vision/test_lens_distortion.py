@@ -47,6 +47,17 @@ def test_areas_and_derivatives_are_those_of_the_map(lens):
     assert bent.jacobian_determinant(point) == pytest.approx(np.linalg.det(np.array(columns).T), rel=1e-8)
 
 
+@pytest.mark.parametrize("lens", [(-0.03, 0.87, -0.11, 0.06, -0.5), (0.83, -0.41, -0.05, 0.0, 0.05)])
+def test_points_found_beyond_a_fold_are_none(lens):
+    """Where the map turns a small triangle over, the image shows another point too, nearer to the middle."""
+    bent, generator = LensDistortion(lens), np.random.default_rng(5)
+    found = bent.undistorted(generator.uniform(-2.0, 2.0, (400, 2)))
+    seen = found[np.isfinite(found[:, 0])]
+    sides = [bent.distorted(seen + step) - bent.distorted(seen - step) for step in 1e-6 * np.eye(2)]
+    assert (sides[0][:, 0] * sides[1][:, 1] > sides[0][:, 1] * sides[1][:, 0]).all()
+    assert 50 < len(seen) < 350
+
+
 def test_what_is_in_the_image_is_seen_and_nothing_that_folds_back_into_it():
     made = PinholeCamera.calibrated(MATRIX, (-0.2, 0.0, 0.0, 0.0), (640, 480))
     left, top, right, bottom = made.bounds

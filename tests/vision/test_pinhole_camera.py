@@ -50,6 +50,12 @@ def test_a_camera_without_bounds_sees_sideways():
     assert PinholeCamera().sees(np.array([0.038, 0.0072, 0.010]))  # 75° off the axis, as the thesis starts
 
 
+def test_without_an_image_as_much_is_seen_above_as_below():
+    camera = PinholeCamera(field_of_view=1.0, pixel_aspect=1.25, focal_length=0.01)
+    assert camera.bounds.right == -camera.bounds.left == pytest.approx(0.01 * np.tan(0.5))
+    assert camera.bounds.bottom == -camera.bounds.top == pytest.approx(0.01 * np.tan(0.5) / 1.25)
+
+
 def test_where_it_is_mounted():
     assert camera_frame(make_system("pera").robot) == "camera"
     assert camera_frame(make_system("pera_shoulder").robot) == "tool"
