@@ -9,9 +9,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from phcontrol import MechanicalSystem, load_robot
+from tests.accessibility import axe
 from tests.browser import browser
 
-__all__ = ["browser"]
+__all__ = ["axe", "browser"]
 
 settings.register_profile(
     "default", deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
