@@ -1,0 +1,18 @@
+// What the theme leaves out for keyboards and screen readers: tables that scroll can be reached, toolbars have names.
+"use strict";
+
+function nameParts() {
+  document.querySelectorAll(".md-code__nav:not([aria-label])").forEach((tools) => {
+    nameParts.codes = (nameParts.codes || 0) + 1;
+    tools.setAttribute("aria-label", "tools of code block " + nameParts.codes);
+  });
+  document.querySelectorAll(".md-typeset__scrollwrap:not([tabindex])").forEach((table) => {
+    nameParts.tables = (nameParts.tables || 0) + 1;
+    table.tabIndex = 0;
+    table.setAttribute("role", "region");
+    table.setAttribute("aria-label", "table " + nameParts.tables);
+  });
+}
+
+new MutationObserver(nameParts).observe(document.documentElement, { childList: true, subtree: true });
+nameParts();
