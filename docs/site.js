@@ -14,5 +14,15 @@ function nameParts() {
   });
 }
 
+/** Formulas that are wider than the screen scroll, by keyboard too. */
+function reachFormulas() {
+  document.querySelectorAll(".formula").forEach((formula) => {
+    if (formula.scrollWidth > formula.clientWidth + 1 && formula.clientWidth) formula.tabIndex = 0;
+    else formula.removeAttribute("tabindex");
+  });
+}
+
+window.addEventListener("load", reachFormulas);
+window.addEventListener("resize", reachFormulas);
 new MutationObserver(nameParts).observe(document.documentElement, { childList: true, subtree: true });
 nameParts();
