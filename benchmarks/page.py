@@ -90,14 +90,14 @@ def _steps(rows: dict[str, Any]) -> str:
                 f"{row['trace time'] + row['compile time']:.1f} s",
             ]
         )
-    head = ["", "interpreted", "`evaluate`", "`step`", "budget", "operations", "difference", "compiled in"]
+    head = ["step", "interpreted", "`evaluate`", "`step`", "budget", "operations", "difference", "compiled in"]
     return _table(head, found)
 
 
 def _late(rows: dict[str, Any]) -> str:
     keys = ("µs", "p99", "p99.9", "longest")
     found = [[name, *(f"{row[key]:.2f}" for key in keys), str(row["steps"])] for name, row in rows.items()]
-    return _table(["", "median", "p99", "p99.9", "longest", "steps"], found)
+    return _table(["law", "median", "p99", "p99.9", "longest", "steps"], found)
 
 
 def _simulations(rows: dict[str, Any]) -> str:
@@ -109,7 +109,14 @@ def _simulations(rows: dict[str, Any]) -> str:
          text(row["from RK4 by hand [rad]"]), text(row["from ours of the same order [rad]"])]
         for name, row in rows.items()
     ]  # fmt: skip
-    head = ["", "simulated s per s", "best", "order", "from RK4 by hand [rad]", "from our Euler [rad]"]
+    head = [
+        "plant and integrator",
+        "simulated s per s",
+        "best",
+        "order",
+        "from RK4 by hand [rad]",
+        "from our Euler [rad]",
+    ]
     return _table(head, found)
 
 

@@ -316,7 +316,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
 def _write(figure: Figure, path: Path) -> int:
     """Write a figure as a small PNG, with a palette of 128 colours; return its size in bytes."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
+    figure.savefig(buffer, format="png", dpi=100, bbox_inches="tight", pad_inches=0.05)
     plt.close(figure)
     image = Image.open(buffer).convert("RGB").quantize(128, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     path.parent.mkdir(exist_ok=True)

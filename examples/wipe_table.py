@@ -33,7 +33,7 @@ controller = CartesianTracking(
     wrench=(0.0, 0.0, -PRESS, 0.0, 0.0, 0.0),  # that the hand exerts [N, N·m]
 )
 table = RigidBody(
-    SphereContact(frame, 0.01, "plane", position=(0.0, 0.0, hand.translation[2] - 0.0105)),  # [m]
+    SphereContact(frame, 0.01, "plane", position=hand.translation + [0.0, WAY / 2, -0.0105]),  # [m]
     stiffness=2e4,  # [N/m]
     damping=200.0,  # [N·s/m]
     friction=0.4,
@@ -50,4 +50,4 @@ rubbed = float(np.sum(log.contact_power) * log.metadata["dt"])
 drag = np.abs(motion.wrench[sliding, 1]).max()
 print(f"slid {way:.3f} m, pressing with {PRESS:g} N within {off:.2g} N, against up to {drag:.2g} N of friction")
 print(f"friction took {rubbed:.3g} J; the energy of arm and table balances to {balance.energy_drift:.1g} J")
-record(log, "wipe_table.html")
+record(log, "wipe_table.html", certificate=certificate)

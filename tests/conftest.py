@@ -9,10 +9,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from phcontrol import MechanicalSystem, load_robot
+from tests.accessibility import axe
 from tests.browser import browser
 from tests.costs import pytest_addoption, pytest_collection_modifyitems, pytest_runtest_protocol
 
-__all__ = ["browser", "pytest_addoption", "pytest_collection_modifyitems", "pytest_runtest_protocol"]
+__all__ = ["axe", "browser", "pytest_addoption", "pytest_collection_modifyitems", "pytest_runtest_protocol"]
 
 settings.register_profile(
     "default", deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]

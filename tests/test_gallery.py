@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.notebooks import execute
 
@@ -57,6 +58,47 @@ def test_a_picture_can_be_made_again(name):
         for line in axes.lines:
             assert np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any(), (name, axes.get_title())
     plt.close(figure)
+
+
+def film(path):
+    """Return the frames of a moving picture, small, and how long each is shown [ms]."""
+    with Image.open(path) as picture:
+        frames, lasting = [], []
+        for number in range(picture.n_frames):
+            picture.seek(number)
+            frames.append(np.asarray(picture.convert("L").resize((160, 90)), dtype=float))
+            lasting.append(picture.info["duration"])
+    return frames, lasting
+
+
+def test_the_moving_picture_moves_and_is_on_both_first_screens():
+    path = DOCS / "wiping.webp"
+    assert path.stat().st_size <= 2_000_000
+    frames, lasting = film(path)
+    assert len(frames) > 50
+    assert sum(lasting) == pytest.approx(1000 * script("moving_picture").LASTS, rel=0.02)
+    arm = [frame[5:80, 60:] for frame in frames]  # right of the panel, above the timeline
+    still = [k for k in range(5, 95) if np.abs(arm[k] - arm[k + 2]).max() < 10.0]
+    assert still == []
+    for page, link in ((DOCS.parent / "README.md", "docs/wiping.webp"), (DOCS / "index.md", "wiping.webp")):
+        first_screen = page.read_text()[:2500]
+        assert f'<img src="{link}" alt="' in first_screen
+        assert "python docs/moving_picture.py" in first_screen
+
+
+@pytest.mark.study
+@pytest.mark.browser
+@pytest.mark.usefixtures("browser")
+def test_the_moving_picture_can_be_made_again(tmp_path, monkeypatch):
+    path = tmp_path / "again.webp"
+    monkeypatch.setattr("sys.argv", ["moving_picture.py", str(path), "--frames", "4"])
+    script("moving_picture").main()
+    frames, lasting = film(path)
+    assert lasting == [2000] * 4
+    kept = film(DOCS / "wiping.webp")[0]
+    for number, frame in enumerate(frames):  # of the same run, on the same page
+        assert np.abs(frame - kept[25 * number]).mean() < 1.0
+        assert np.abs(frame - kept[(25 * number + 15) % 100]).mean() > 3.0
 
 
 def test_notebooks_are_as_their_script_writes_them():

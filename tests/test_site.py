@@ -65,3 +65,16 @@ def test_pages_in_a_browser(browser, site):
                 assert "$$" not in page.inner_text("article")
             if path.name == "architecture.html":
                 assert page.evaluate("document.querySelector('article img').naturalWidth") > 300
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_wrong_on_the_site(browser, axe, site, scheme):
+    found = []
+    for path in sorted(site.glob("**/*.html")):
+        if path.name == "404.html":  # asks a server for its style
+            continue
+        with browser.open(path.as_uri(), ready=None) as page:
+            page.emulate_media(color_scheme=scheme)
+            found += [f"{path.relative_to(site)}: {problem}" for problem in axe.problems(page)]
+    assert found == []

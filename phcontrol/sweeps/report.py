@@ -89,6 +89,11 @@ def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> 
     )
 
 
+def _wide(label: str) -> str:
+    """Return the start of a table that scrolls by itself where a screen is narrow, by keyboard too."""
+    return f'<div class="wide" tabindex="0" role="region" aria-label="{label}"><table>'
+
+
 def _influences(results: SweepResults, measure: str) -> str:
     strongest = list(influence(results, measure).items())[:SHOWN]
     return ", ".join(f"{escape(name)} {100.0 * part:.0f} %" for name, part in strongest)
@@ -97,7 +102,7 @@ def _influences(results: SweepResults, measure: str) -> str:
 def _quantiles(results: SweepResults) -> Iterator[str]:
     columns, require = results.manifest["columns"], results.manifest["sweep"]["require"]
     heads = ["measure", "unit", "median", "90 %", "99 %", "99.9 %", "largest", "required", "kept by"]
-    yield '<div class="wide"><table><tr>' + "".join(f"<th>{head}</th>" for head in heads) + "</tr>"
+    yield _wide("what was measured") + "<tr>" + "".join(f"<th>{head}</th>" for head in heads) + "</tr>"
     for name in results.measures:
         limit = require.get(name)
         kept = "" if limit is None else f"{int((results.column(name) <= float(limit)).sum())} of {len(results)}"
@@ -108,7 +113,7 @@ def _quantiles(results: SweepResults) -> Iterator[str]:
 
 
 def _worst(results: SweepResults, spec: str) -> Iterator[str]:
-    yield '<div class="wide"><table><tr><th>measure</th><th>value</th><th>run</th><th>again</th></tr>'
+    yield _wide("the worst runs") + "<tr><th>measure</th><th>value</th><th>run</th><th>again</th></tr>"
     values, runs = {name: results.column(name) for name in results.measures}, results.column("run")
     for name in results.measures:
         for place, run in enumerate(results.worst(name, _WORST)):
@@ -128,10 +133,10 @@ def _failures(results: SweepResults) -> Iterator[str]:
     kinds: dict[str, list[int]] = {}
     for text, run in zip(texts, runs, strict=True):
         kinds.setdefault(_without_numbers(text), []).append(int(run))
-    yield "<h2>What failed</h2><table><tr><th>runs</th><th>first</th><th>why</th></tr>"
+    yield "<h2>What failed</h2>" + _wide("what failed") + "<tr><th>runs</th><th>first</th><th>why</th></tr>"
     for kind, those in sorted(kinds.items(), key=lambda item: -len(item[1]))[:20]:
         yield f"<tr><td>{len(those)}</td><td>{those[0]}</td><td>{escape(kind)}</td></tr>"
-    yield "</table>"
+    yield "</table></div>"
 
 
 def _without_numbers(text: str) -> str:
@@ -151,7 +156,7 @@ def _without_numbers(text: str) -> str:
 def _drawn(results: SweepResults) -> Iterator[str]:
     sweep, columns = results.manifest["sweep"], results.manifest["columns"]
     yield f"<p>{escape(sweep['sampling'].get('method', 'random').replace('_', ' '))}, {sweep['runs']} runs.</p>"
-    yield '<div class="wide"><table><tr><th>quantity</th><th>unit</th><th>least</th><th>mean</th><th>largest</th></tr>'
+    yield _wide("what was drawn") + "<tr><th>quantity</th><th>unit</th><th>least</th><th>mean</th><th>largest</th></tr>"
     for name in results.parameters:
         values = results.column(name)
         mean = float(values.mean())

@@ -14,6 +14,11 @@ from phcontrol.thesis.theorem import THEOREMS
 RESIDUALS = ("matching_residual", "gradient_residual", "skewness", "indefiniteness", "largest_storage_rate")
 
 
+def _scroll(label: str) -> str:
+    """Return the start of a table that scrolls by itself where a screen is narrow, by keyboard too."""
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="{label}"><table>'
+
+
 def theorem_table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
     """Yield each theorem with the certificates of the laws that realise it."""
     if not rows:
@@ -23,7 +28,7 @@ def theorem_table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
         "<p>Each closed loop that a theorem promises, held against the true one: worst matching residual over all arms "
         "and forms that were certified.</p>"
     )
-    yield '<div class="scroll"><table><tr><th>theorem</th><th>says</th><th>closed loop</th><th>law</th>'
+    yield _scroll("theorems") + "<tr><th>theorem</th><th>says</th><th>closed loop</th><th>law</th>"
     yield "<th>certificates</th><th>worst residual</th><th>errata</th></tr>"
     for theorem in THEOREMS:
         own = [row for row in rows if row["law"] in theorem.laws and "passed" in row]
@@ -54,7 +59,7 @@ def certificate_table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
         "is supplied. Where the law rests its linearised loop must be stable. A law that something drives from outside "
         "says so. Relative figures.</p>"
     )
-    yield '<div class="scroll"><table><tr><th>law</th><th>arm</th><th>interconnection</th>'
+    yield _scroll("certificates") + "<tr><th>law</th><th>arm</th><th>interconnection</th>"
     yield "<th>matching</th><th>gradient</th><th>skewness</th><th>indefiniteness of R<sub>d</sub></th>"
     yield "<th>growth of H<sub>d</sub></th><th>verdict</th></tr>"
     seen: set[str] = set()
@@ -84,7 +89,7 @@ def errata_and_readings() -> Iterable[str]:
         yield f'<dt id="{name}">{name}</dt><dd>{escape(text)}</dd>'
     yield "</dl>"
     yield '<h2 id="errata">Errata</h2>\n<p>From the documentation\'s page on theory, docs/theory.md.</p>'
-    yield '<div class="scroll"><table><tr><th></th><th>where</th><th>printed</th><th>should be</th></tr>'
+    yield _scroll("errata") + "<tr><th>name</th><th>where</th><th>printed</th><th>should be</th></tr>"
     for entry in errata().values():
         cells = "".join(f"<td>{escape(text)}</td>" for text in (entry.where, entry.printed, entry.correct))
         yield f'<tr id="{entry.name}"><td><b>{entry.name}</b></td>{cells}</tr>'

@@ -25,7 +25,8 @@ class LogPlots:
     """Plots of one run. Each method draws into ``axes``, or into a figure of its own, and returns the axes.
 
     Figures are pyplot's where pyplot is loaded, as in a notebook, so that they are shown; else plain ones, without a
-    display: ``axes.figure.savefig("run.png")``.
+    display: ``axes.figure.savefig("run.png")``. There a legend below says which colour is which joint; in axes that
+    are given none is drawn, but each line has its joint's name: ``axes.legend()``.
 
     Args:
         log: the run.
@@ -41,6 +42,14 @@ class LogPlots:
     def __init__(self, log: Log) -> None:
         self._log = log
 
+    def _of_joints(self, axes: Axes | None) -> Axes:
+        """Return axes to draw the joints into; those of a figure of its own have a legend below."""
+        if axes is not None:
+            return axes
+        own = _axes(None)
+        plots.joints_legend(own.get_figure(root=True), self._log)
+        return own
+
     @property
     def _robot(self) -> Robot:
         return recorded_robot(self._log)
@@ -54,7 +63,7 @@ class LogPlots:
 
     def position(self, axes: Axes | None = None) -> Axes:
         """Draw joint positions [rad], and dashed where they should be."""
-        return plots.plot_joints(_axes(axes), self._log, self._log.goal)
+        return plots.plot_joints(self._of_joints(axes), self._log, self._log.goal)
 
     def error(self, axes: Axes | None = None) -> Axes:
         """Draw how far each joint is from where it should be [rad], on a logarithmic scale.
@@ -63,15 +72,15 @@ class LogPlots:
         """
         if self._log.goal is None:
             raise InvalidArgumentError("log", "has no posture to go to: its law does not tell one")
-        return plots.plot_errors(_axes(axes), self._log, self._robot, self._log.goal)
+        return plots.plot_errors(self._of_joints(axes), self._log, self._robot, self._log.goal)
 
     def velocity(self, axes: Axes | None = None) -> Axes:
         """Draw joint velocities, over their limits where all joints have one."""
-        return plots.plot_velocities(_axes(axes), self._log, self._robot)
+        return plots.plot_velocities(self._of_joints(axes), self._log, self._robot)
 
     def torque(self, axes: Axes | None = None, *, limits: bool = False) -> Axes:
         """Draw the applied torques [N·m]; with ``limits`` over the motors' limits."""
-        return plots.plot_torques(_axes(axes), self._log, self._robot if limits else None)
+        return plots.plot_torques(self._of_joints(axes), self._log, self._robot if limits else None)
 
     def energy(self, axes: Axes | None = None) -> Axes:
         """Draw H_d and the kinetic energy [J], on a logarithmic scale."""

@@ -39,9 +39,9 @@ def end_of_motion(log: Log) -> float:
 
 def plot_joints(axes: Axes, log: Log, goal: Array | None = None) -> Axes:
     """Draw joint positions over time, and dashed where they should be: one goal (n,), or one a sample (N, n)."""
-    for i, position in enumerate(log.position.T):
+    for i, (name, position) in enumerate(zip(log.metadata["joint_names"], log.position.T, strict=True)):
         color = COLORS[i % len(COLORS)]
-        axes.plot(log.time, position, color=color)
+        axes.plot(log.time, position, color=color, label=name)
         if goal is not None and goal.ndim == 1:
             axes.axhline(goal[i], color=color, linestyle="--", linewidth=0.8, alpha=0.7)
         elif goal is not None:
@@ -53,8 +53,8 @@ def plot_joints(axes: Axes, log: Log, goal: Array | None = None) -> Axes:
 def plot_errors(axes: Axes, log: Log, robot: Robot, goal: Array) -> Axes:
     """Draw how far each joint is from where it should be, on a logarithmic scale."""
     errors = np.abs(robot.difference(log.position, goal))
-    for i, error in enumerate(errors.T):
-        axes.semilogy(log.time, np.maximum(error, 1e-16), color=COLORS[i % len(COLORS)])
+    for i, (name, error) in enumerate(zip(robot.joint_names, errors.T, strict=True)):
+        axes.semilogy(log.time, np.maximum(error, 1e-16), color=COLORS[i % len(COLORS)], label=name)
     largest = float(errors.max(initial=0.0))
     if largest > 0.0:
         axes.set_ylim(bottom=max(1e-16, 1e-9 * largest))
@@ -64,20 +64,21 @@ def plot_errors(axes: Axes, log: Log, robot: Robot, goal: Array) -> Axes:
 
 def plot_velocities(axes: Axes, log: Log, robot: Robot) -> Axes:
     """Draw joint velocities over time, as parts of the joints' limits where all have one."""
-    return _plot_of_limits(axes, log.time, log.velocity, robot.velocity_limit, "joint velocities", ("q̇", "rad/s"))
+    return _plot_of_limits(axes, log, log.velocity, robot.velocity_limit, "joint velocities", ("q̇", "rad/s"))
 
 
 def plot_torques(axes: Axes, log: Log, robot: Robot | None = None) -> Axes:
     """Draw the applied torques over time; with a robot, as parts of the motors' limits where all have one."""
     limits = None if robot is None else robot.effort_limit
-    return _plot_of_limits(axes, log.time, log.torque, limits, "motor torques", ("u", "N·m"))
+    return _plot_of_limits(axes, log, log.torque, limits, "motor torques", ("u", "N·m"))
 
 
-def _plot_of_limits(axes: Axes, time: Array, values: Array, limits: Any, title: str, quantity: tuple[str, str]) -> Axes:
+def _plot_of_limits(axes: Axes, log: Log, values: Array, limits: Any, title: str, quantity: tuple[str, str]) -> Axes:
     """Draw a quantity of the joints, (symbol, unit), over its limits where all joints have one."""
     bounded = limits is not None and bool(np.isfinite(limits).all())
-    for i, column in enumerate((values / np.asarray(limits) if bounded else values).T):
-        axes.plot(time, column, color=COLORS[i % len(COLORS)])
+    columns = (values / np.asarray(limits) if bounded else values).T
+    for i, (name, column) in enumerate(zip(log.metadata["joint_names"], columns, strict=True)):
+        axes.plot(log.time, column, color=COLORS[i % len(COLORS)], label=name)
     symbol, unit = quantity
     finish(axes, title, f"{symbol} over its limit" if bounded else f"{symbol} [{unit}]")
     if bounded:
@@ -135,7 +136,8 @@ def plot_poses(
         points = skeleton(robot, goal if goal.ndim == 1 else goal[-1])
         axes.plot(points[:, 0], points[:, height], "--", color=COLORS[0], linewidth=1.2, label="goal")
     axes.set_aspect("equal", adjustable="datalim")
-    finish(axes, f"the arm from {seen_from}, from light to dark", "y [m]" if height == 1 else "z [m]")
+    dashed = "" if goal is None else " (dashed: goal)"
+    finish(axes, f"from {seen_from}, light to dark{dashed}", "y [m]" if height == 1 else "z [m]")
     axes.set_xlabel("x [m]")
     return axes
 
@@ -189,7 +191,9 @@ def joints_legend(figure: Figure, log: Log) -> None:
 
     names = log.metadata["joint_names"]
     handles = [Line2D([], [], color=COLORS[i % len(COLORS)], label=name) for i, name in enumerate(names)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(names), 8), fontsize=9, frameon=False)
+    wide = 5.5 * max(map(len, names)) + 45.0  # of a name with its line, in points
+    columns = max(1, min(len(names), 8, int(72.0 * figure.get_figwidth() / wide)))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=9, frameon=False)
 
 
 def hand_figure(log: Log, errors: Array, frame: str, title: str) -> Figure:

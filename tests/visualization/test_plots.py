@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,6 +19,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.visualization.plots import joints_legend
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +54,23 @@ def test_each_plot_draws_the_log_and_returns_its_axes(run):
     seen = np.isfinite(kinetic)
     assert seen.sum() > 50
     np.testing.assert_array_equal(kinetic[seen], run.kinetic_energy[seen])
+
+
+def test_every_joint_has_its_name_and_the_names_fit(run):
+    """A plot by itself has a legend below, in columns that fit; into given axes the names go with the lines."""
+    names = list(run.metadata["joint_names"])
+    for draw in (run.plot.position, run.plot.error, run.plot.velocity, run.plot.torque):
+        own = Figure(figsize=(4.0, 7.0), layout="constrained").subplots()
+        assert draw(own).get_legend_handles_labels()[1] == names
+        assert own.figure.legends == []
+        assert [text.get_text() for text in draw().figure.legends[0].texts] == names
+    narrow = Figure(figsize=(4.0, 5.0), layout="constrained")
+    joints_legend(narrow, SimpleNamespace(metadata={"joint_names": [f"panda_joint{k}" for k in range(1, 8)]}))
+    canvas = FigureCanvasAgg(narrow)
+    canvas.draw()
+    box = narrow.legends[0].get_window_extent(canvas.get_renderer())
+    assert box.x0 >= 0.0
+    assert box.x1 <= narrow.bbox.width
 
 
 def test_the_arm_is_drawn_from_two_sides(run):
