@@ -77,7 +77,7 @@ class Tuning:
     ) -> None:
         self.system, self.goal, self.posture = system, goal, posture
         self._desired = bandwidth is not None or damping_ratio is not None
-        self._bandwidth = BANDWIDTH if bandwidth is None else positive("bandwidth", bandwidth)
+        self.bandwidth = BANDWIDTH if bandwidth is None else positive("bandwidth", bandwidth)
         self.damping_ratio = DAMPING_RATIO if damping_ratio is None else positive("damping_ratio", damping_ratio)
 
     @property
@@ -107,20 +107,20 @@ class Tuning:
     def _gains(self) -> tuple[Array, Array]:
         if self._desired:
             inertia = self.system.at(self.posture).mass_matrix
-            return self._bandwidth**2 * inertia, 2.0 * self.damping_ratio * self._bandwidth * inertia
+            return self.bandwidth**2 * inertia, 2.0 * self.damping_ratio * self.bandwidth * inertia
         inertia = _MARGIN * np.mean([seen.inertia for seen in self._everywhere], axis=0)
         for design in (np.diag(inertia.diagonal()), inertia):
             gains = self._stiffest(design)
             if gains is not None:
                 return self._uncoupled(gains[0]), gains[1]
-        stiffness, damping = self._shaped(inertia, np.full(self.system.n, self._bandwidth))
+        stiffness, damping = self._shaped(inertia, np.full(self.system.n, self.bandwidth))
         share = min(1.0, _HELD / self._held(damping)[0])
         return share**2 * self._uncoupled(stiffness), share * damping
 
     def _stiffest(self, inertia: Array) -> tuple[Array, Array] | None:
         """Return K_p and C of a design inertia, as stiff against friction as a held torque bears; None for none."""
         friction = _FRICTION * self._everywhere[0].friction.diagonal()
-        fastest = np.maximum(self._bandwidth, np.sqrt(friction / inertia.diagonal()))
+        fastest = np.maximum(self.bandwidth, np.sqrt(friction / inertia.diagonal()))
         left = np.zeros(self.system.n)  # of the damping, what is left to friction
         is_diagonal = not (inertia - np.diag(inertia.diagonal())).any()
         while True:
@@ -129,7 +129,7 @@ class Tuning:
             taken, motion = self._held(damping)
             if taken <= _HELD:
                 return stiffness, damping
-            reducible = fastest > self._bandwidth
+            reducible = fastest > self.bandwidth
             if not reducible.any():
                 return None
             joint = int(np.argmax(np.where(reducible, motion * (damping @ motion), -np.inf)))
@@ -137,7 +137,7 @@ class Tuning:
             if is_diagonal and left[joint] < own:
                 left[joint] = own
             else:
-                fastest[joint] = max(self._bandwidth, _LOWERED * fastest[joint])
+                fastest[joint] = max(self.bandwidth, _LOWERED * fastest[joint])
 
     def _uncoupled(self, stiffness: Array) -> Array:
         """Return K_p without what couples a continuous joint to others: there H_d would jump at half a turn."""
@@ -153,7 +153,7 @@ class Tuning:
         Against friction joints are made stiffer, as at the bandwidths ``fastest``, shape (n,) [rad/s].
         """
         own = inertia.diagonal()
-        stiffness = self._bandwidth**2 * inertia + np.diag((fastest**2 - self._bandwidth**2) * own)
+        stiffness = self.bandwidth**2 * inertia + np.diag((fastest**2 - self.bandwidth**2) * own)
         squares, modes = eigh(stiffness, inertia)  # modesᵀ M_d modes = 1
         moved = inertia @ modes
         damping = 2.0 * self.damping_ratio * (moved * np.sqrt(squares)) @ moved.T

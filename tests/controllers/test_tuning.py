@@ -109,6 +109,31 @@ def test_the_modes_of_the_loop_at_the_goal_are_the_desired_ones(name, desired):
     assert np.abs(polynomial).max() <= 1e-5 * max(1.0, np.abs(A @ A).max())
 
 
+@pytest.mark.parametrize("law", ["force_feedback", "force_feedback_measured", "integral_action"])
+@pytest.mark.parametrize("name", ["ur5", "pera"])
+def test_a_bandwidth_places_the_poles_of_laws_with_states_of_their_own(name, law):
+    """ω and ζ are in the spectrum of the true loop, once a joint, and every other pole is real and no slower than ω."""
+    system = arm(name)
+    controller = make_controller(law, system, system.robot.near_home(), bandwidth=6.0, damping_ratio=0.7)
+    found = linearize(controller, system, exact=False)
+    pairs = [mode for mode in found.spectrum if mode.oscillates]
+    assert len(pairs) == system.n
+    np.testing.assert_allclose([mode.frequency for mode in pairs], 6.0, rtol=0.02)
+    np.testing.assert_allclose([mode.damping_ratio for mode in pairs], 0.7, rtol=0.02)
+    assert min(mode.frequency for mode in found.spectrum) >= 6.0 * 0.98
+
+
+def test_a_bandwidth_goes_with_no_gain_that_it_places():
+    system = arm("ur5")
+    for law, given in (("force_feedback", {"stiffness": 10.0}), ("integral_action", {"integral_gain": 2.0}),
+                       ("force_feedback", {"coupling": 0.3})):  # fmt: skip
+        with pytest.raises(InvalidArgumentError, match=f"{next(iter(given))}: is what a bandwidth places the poles"):
+            make_controller(law, system, bandwidth=6.0, **given)
+    for desired in ({"bandwidth": 6.0}, {"damping_ratio": 0.7}):
+        with pytest.raises(InvalidArgumentError, match="is nothing that the gains of impedance_grasping are chosen by"):
+            make_controller("impedance_grasping", system, **desired)
+
+
 def test_either_of_both_alone_counts():
     system = arm("ur5")
     M = system.at(system.robot.home).mass_matrix
