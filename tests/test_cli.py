@@ -27,6 +27,7 @@ from phcontrol import Log, load_robot
 from phcontrol.cli import app
 from phcontrol.cli.application import Commands
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
+from tests.browser import run_of
 from tests.conftest import make_system
 
 BRIEF = ["--robot", "pera_shoulder", "--samples", "3"]
@@ -606,6 +607,29 @@ def test_a_log_is_shown_with_the_meshes_of_the_robot_that_is_given(tmp_path, mon
     wrong = run("view", str(tmp_path / "log.npz"), "--robot", "pera_shoulder")
     assert wrong.exit_code == 2
     assert "unknown joint 'elbow_joint' of pera_shoulder" in wrong.stderr
+
+
+def test_logs_are_shown_side_by_side_under_what_tells_them_apart(tmp_path, monkeypatch):
+    pages = []
+    monkeypatch.setattr("phcontrol.visualization.server.view", lambda page, port=None: pages.append(page))
+    for folder in ("slow", "fast"):
+        assert run("run", "position", *QUICK, "--out", str(tmp_path / folder)).exit_code == 0
+    logs = [str(tmp_path / folder / "log.npz") for folder in ("slow", "fast")]
+    assert run("view", *logs).exit_code == 0
+    assert '"name": "slow"' in run_of(pages[0])
+    assert '"name": "fast"' in run_of(pages[0])
+    shutil.copy(logs[0], tmp_path / "other.npz")
+    written = run("view", logs[0], str(tmp_path / "other.npz"), "--record", str(tmp_path / "both.html"))
+    assert written.exit_code == 0
+    assert '"name": "other"' in run_of((tmp_path / "both.html").read_text())
+    assert len(pages) == 1  # what is recorded is not served
+    twice = run("view", logs[0], logs[0])
+    assert twice.exit_code == 2
+    assert twice.stderr.startswith("error: LOG: is given twice")
+    unused = run("view", logs[0], "--record", str(tmp_path / "one.html"), "--port", "7001")
+    assert "--port" in unused.stderr
+    many = run("view", *logs, *(str(shutil.copy(logs[0], tmp_path / f"{k}.npz")) for k in range(3)))
+    assert "must be 1 to 4 runs for a page" in many.stderr
 
 
 def test_a_full_disk_is_one_clear_line(tmp_path):

@@ -56,7 +56,7 @@ DEMANDED = {
     "potentials.potential": {
         "Potential": {"coordinate_gradient", "coordinate_map", "coordinates", "energy", "gradient_rate"}
     },
-    "design.poles": {"Poles": {"place"}},
+    "poles.poles": {"Poles": {"place"}},
     "design.specification": {"Specification": {"__str__", "choose"}},
     "simulation.signals": {"Exported": {"signals"}},
     "setpoints.live_motion": {"LiveMotion": {"_redirect", "checked", "duration"}},

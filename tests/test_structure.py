@@ -12,7 +12,7 @@ import phcontrol
 PACKAGE = Path(phcontrol.__file__).parent
 LAYERS = (
     "mechanics", "potentials", "vision", "trajectories", "setpoints", "environments", "sensors", "tanks",
-    "controllers", "compilation", "safety", "simulation", "runtime", "analysis", "design", "identification",
+    "poles", "controllers", "compilation", "safety", "simulation", "runtime", "analysis", "design", "identification",
     "visualization", "sweeps", "runs", "thesis", "cli",
 )  # fmt: skip
 """The folders; each imports from itself and from those before it."""

@@ -37,7 +37,7 @@ class Commands(LazyGroup):
             "phcontrol.cli.init:init",
             "Write a small project: an arm, a law of your own, a test with its certificate, a notebook.",
         ),
-        "view": Listed("phcontrol.cli.view:view", "Play a log in a browser: opens one, or prints the address."),
+        "view": Listed("phcontrol.cli.view:view", "Play logs in a browser: opens one, or prints the address."),
         "reproduce": Listed(
             "phcontrol.cli.reproduce:reproduce_command",
             "Reproduce the thesis: every study and certificate, into one page.",

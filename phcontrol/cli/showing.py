@@ -61,8 +61,8 @@ def record_logs(
         say_aside(f"recorded {record(log, target, certificate=certificate)}", err)
 
 
-def show(logs: Mapping[str, Log], port: int | None, robot: Robot | None = None) -> None:
-    """Serve the pages of logs, one after another when the last is stopped."""
+def show(logs: Mapping[str, Log | Mapping[str, Log]], port: int | None, robot: Robot | None = None) -> None:
+    """Serve pages, each of a log or of several, one after another when the last is stopped."""
     from phcontrol.visualization.recording import recorded_page
     from phcontrol.visualization.server import view
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +19,8 @@ from phcontrol.controllers.target import MOMENTUM, Blocks, DrivenParts, Part, Ta
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.poles.placed_matrices import placed_matrices
+from phcontrol.poles.poles import Poles
 from phcontrol.sensors.measured import NOTHING, Measured
 
 
@@ -44,6 +48,33 @@ class DynamicExtension(JointDampedLaw):
 
     coupling: Parameter[ArrayLike, Array] = Parameter("A", check=invertible, tuned=lambda tuning: 0.5)
     force_gain: Gain = Gain("K_z", tuned=lambda tuning: 4.0 * tuning.amplification(0.25))  # A K_z Aᵀ
+
+    poles: ClassVar[type[Poles] | None] = None
+    """How the poles of a loop are placed for a bandwidth; None where nothing says."""
+
+    @classmethod
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
+    ) -> dict[str, Any]:
+        """Return those of the base; for a bandwidth or damping ratio all gains together, which place the poles.
+
+        Raises InvalidArgumentError where one of them is given beside, and PHControlError where none do that.
+        """
+        made = super().default_gains(system, goal, given=given, **desired)
+        if cls.poles is None or all(value is None for value in desired.values()):
+            return made
+        for name in ("potential", "integral_compliance", *cls.poles.kinds, "coupling"):
+            if given.get(name) is not None:
+                raise InvalidArgumentError(
+                    name, f"is what a bandwidth places the poles of {cls.name} with: leave out {name}, or the bandwidth"
+                )
+        tuning = cls.tuning(system, goal, **desired)
+        x = system.at(tuning.posture)
+        gains = placed_matrices(
+            cls.poles(tuning.bandwidth, tuning.damping_ratio), x.mass_matrix, x.damping_matrix
+        ).gains
+        inverse = np.linalg.inv(x.input_matrix)
+        return made | gains | {"damping": inverse @ gains["damping"] @ inverse.T}
 
     def prepare(self) -> None:
         """Compute Y and K_z⁻¹."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from phcontrol.controllers.dynamic_extension import DynamicExtension
 from phcontrol.controllers.parameters import Flag
 from phcontrol.controllers.position_law import PositionLaw
+from phcontrol.poles.force_feedback_poles import ForceFeedbackPoles
 
 
 class ForceFeedback(PositionLaw, DynamicExtension):
@@ -50,6 +51,7 @@ class ForceFeedback(PositionLaw, DynamicExtension):
     """
 
     name = "force_feedback"
+    poles = ForceFeedbackPoles
 
     measured: Flag = Flag(default=False)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from phcontrol.controllers.shaping import Shaping
 from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.measured import NOTHING, Measured
 
 
@@ -96,6 +99,20 @@ class ImpedanceGrasping(RegulatedLaw):
 
     stiffness: Gain = Gain("K_p", "N·m/rad", default=None, tuned=lambda tuning: 1.0)
     rest_stiffness: Gain = Gain("K_rl", "N·m/rad", tuned=lambda tuning: 1.0)
+
+    @classmethod
+    def default_gains(
+        cls, system: MechanicalSystem, goal: Array, *, given: Mapping[str, Any] = MappingProxyType({}), **desired: Any
+    ) -> dict[str, Any]:
+        """Return those of the base. Raises InvalidArgumentError for a bandwidth or a damping ratio."""
+        for name, value in desired.items():
+            if value is not None:
+                raise InvalidArgumentError(
+                    name,
+                    f"is nothing that the gains of {cls.name} are chosen by: K_p and K_rl say how hard it grasps, and "
+                    "so how fast its rest length gives way; give stiffness, rest_stiffness and damping, or use tune()",
+                )
+        return super().default_gains(system, goal, given=given, **desired)
 
     def prepare(self) -> None:
         """Check that the spring is one of the joints, which has the rest length of the law."""

@@ -19,6 +19,7 @@ from phcontrol.controllers.target import MOMENTUM, Target
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.poles.integral_action_poles import IntegralActionPoles
 from phcontrol.sensors.measured import NOTHING, Measured
 
 
@@ -54,6 +55,7 @@ class IntegralAction(PositionLaw, DynamicExtension):
     """
 
     name = "integral_action"
+    poles = IntegralActionPoles
 
     integral_gain: Matrix = Matrix("K_i", "1/s", default=None, tuned=lambda tuning: 1.0)
     integral_stiffness: Gain = Gain("K_ξ", "N·m/rad", default=1.0, tuned=lambda tuning: tuning.stiffness)

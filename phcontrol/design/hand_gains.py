@@ -9,10 +9,10 @@ import numpy as np
 from phcontrol._validation import Array, positive
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.design.design_problem import DesignProblem
-from phcontrol.design.poles import SHARE
 from phcontrol.design.specification import Choice
 from phcontrol.exceptions import PHControlError
 from phcontrol.mechanics import kernels
+from phcontrol.poles.poles import SHARE
 
 _FELT = 0.02  # of the desired damping, from which friction counts
 _SINGULAR = 1e-6  # smallest eigenvalue of the hand's mobility over the largest, in natural units

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from scipy.linalg import eigh
 
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
@@ -14,15 +13,14 @@ from phcontrol.controllers.force_feedback import ForceFeedback
 from phcontrol.controllers.integral_action import IntegralAction
 from phcontrol.controllers.total_force_rejection import TotalForceRejection
 from phcontrol.design.design_problem import DesignProblem
-from phcontrol.design.diagonal_directions import DiagonalDirections
-from phcontrol.design.directions import Directions
-from phcontrol.design.force_feedback_poles import ForceFeedbackPoles
 from phcontrol.design.hand_gains import hand_gains
-from phcontrol.design.integral_action_poles import IntegralActionPoles
-from phcontrol.design.poles import Poles
-from phcontrol.design.second_order_poles import SecondOrderPoles
 from phcontrol.design.specification import Choice
 from phcontrol.exceptions import InvalidArgumentError
+from phcontrol.poles.force_feedback_poles import ForceFeedbackPoles
+from phcontrol.poles.integral_action_poles import IntegralActionPoles
+from phcontrol.poles.placed_matrices import placed_matrices
+from phcontrol.poles.poles import Poles
+from phcontrol.poles.second_order_poles import SecondOrderPoles
 
 _POLES: tuple[tuple[type[Controller], type[Poles]], ...] = (
     (EnergyShaping, SecondOrderPoles),
@@ -73,13 +71,7 @@ def placed_gains(
     inertia, friction = problem.state.mass_matrix, problem.friction
     if issubclass(law, _FRICTIONLESS):
         friction = np.zeros_like(friction)
-    directions = (DiagonalDirections if diagonal else Directions)(inertia, friction)
-    found = [poles.place(float(d)) for d in directions.friction]
-    gains: dict[str, Any] = {
-        name: directions.matrix(how, np.array([each.gains[name] for each in found])) for name, how in kind.kinds.items()
-    }
-    if "force_gain" in gains:
-        gains["coupling"] = 1.0
+    gains, found = placed_matrices(poles, inertia, friction, diagonal=diagonal)
     if not issubclass(law, ClassicalImpedance):  # whose damping acts on the joints themselves
         inverse = np.linalg.inv(problem.state.input_matrix)
         gains["damping"] = inverse @ gains["damping"] @ inverse.T
@@ -91,7 +83,8 @@ def placed_gains(
     elif problem.system.robot.continuous.any():
         notes.append("K_p couples continuous joints to others: H_d jumps where one is half a turn off its goal")
     if not exact:
-        least = float(directions.friction.max()) / (2.0 * poles.damping_ratio)
+        fastest = float(eigh(friction, inertia, eigvals_only=True)[-1])
+        least = fastest / (2.0 * poles.damping_ratio)
         notes.append(
             f"in {sum(not each.exact for each in found)} of {len(found)} directions the friction around rest alone "
             f"damps more than is desired (not from {least:.3g} rad/s on): there the slower pole is put where it should "

@@ -13,6 +13,7 @@ from phcontrol.simulation.log import Log
 from phcontrol.visualization.live_controls import LiveControls
 from phcontrol.visualization.page import page
 from phcontrol.visualization.server import PageServer, announce_page
+from phcontrol.visualization.shown_run import ShownRun
 from phcontrol.visualization.stage import Stage
 
 
@@ -89,7 +90,7 @@ class LiveView:
         row = log.derive(k)
         self._stage = Stage.of(log, goal="goal" in row, tank="tank_level" in row)
         first = self._stage.frame(float(log.time[k]), log.position[k], row)
-        self.server.publish(page(self._stage, np.array([first]), live=True, controls=self.controls))
+        self.server.publish(page([ShownRun(self._stage, np.array([first]))], live=True, controls=self.controls))
         self._announce(self.server)
 
     def finish(self, log: Log) -> None:

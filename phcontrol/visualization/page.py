@@ -1,4 +1,4 @@
-"""The page that shows a run: one HTML file that needs nothing else, not even a network."""
+"""The page that shows runs: one HTML file that needs nothing else, not even a network."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import html
 import importlib.util
 import json
 import re
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -15,49 +16,66 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array
 from phcontrol.analysis.certificate import Certificate
-from phcontrol.exceptions import PHControlError
+from phcontrol.exceptions import InvalidArgumentError, PHControlError
 from phcontrol.visualization.live_controls import LiveControls
 from phcontrol.visualization.shapes import differences
-from phcontrol.visualization.stage import Stage
+from phcontrol.visualization.shown_run import ShownRun
+
+MOST_RUNS = 4
+"""Runs on one page at most: more lines over each other are not told apart."""
 
 
 def page(
-    stage: Stage,
-    frames: Array,
+    runs: Sequence[ShownRun],
     *,
     live: bool = False,
     script: str | None = None,
     controls: LiveControls | None = None,
     certificate: Certificate | None = None,
 ) -> str:
-    """Return the page of a stage and its frames, shape (N, columns).
+    """Return the page of runs side by side under one time, their signals over each other.
 
-    A live page hears of more frames by itself. ``script`` is the address of MeshCat's script, for pages that share
-    one; by default it is part of the page, compressed as all of the run is. ``controls`` are for a live page.
-    ``certificate`` is shown as a badge.
+    A live page has one run, and hears of more frames by itself. ``script`` is the address of MeshCat's script, for
+    pages that share one; by default it is part of the page, compressed as all of the runs are. ``controls`` are for a
+    live page. ``certificate`` is shown as a badge.
+
+    Raises InvalidArgumentError for more runs than lines can be told apart.
     """
-    center, radius, floor = stage.extent(frames[np.linspace(0, len(frames) - 1, 25).astype(int)])
-    run = stage.to_dict() | {
+    if not 1 <= len(runs) <= MOST_RUNS:
+        raise InvalidArgumentError("logs", f"must be 1 to {MOST_RUNS} runs for a page, but are {len(runs)}")
+    extents = [run.stage.extent(run.frames[np.linspace(0, len(run.frames) - 1, 25).astype(int)]) for run in runs]
+    centers = np.array([center for center, _, _ in extents])
+    center = 0.5 * (centers.min(axis=0) + centers.max(axis=0))
+    radius = max(
+        float(np.linalg.norm(own - center)) + reach for own, (_, reach, _) in zip(centers, extents, strict=True)
+    )
+    common = {
+        "center": [float(part) for part in center],
+        "radius": max(radius, 1e-2),
+        "floor": min(floor for _, _, floor in extents),
         "live": live,
         "controls": None if controls is None else controls.to_dict(),
-        "center": center,
-        "radius": max(radius, 1e-2),
-        "floor": floor,
         "certificate": None
         if certificate is None
         else {"verdict": certificate.verdict, "passed": certificate.passed, "text": str(certificate)},
-        "frames": None if live else differences(frames.astype("<f4").view("<u4"), bits=32),
     }
+    shown = [
+        run.stage.to_dict()
+        | common
+        | {"name": run.name, "frames": None if live else differences(run.frames.astype("<f4").view("<u4"), bits=32)}
+        for run in runs
+    ]
     parts = {
-        "title": html.escape(stage.title),
+        "title": html.escape(" beside ".join(run.stage.title for run in runs)),
         "style": _asset("player.css"),
         "meshcat": f'<script id="meshcat" type="application/gzip">{_packed_meshcat()}</script>'
         if script is None
         else f'<script src="{script}"></script>',
-        "run": _packed(_embedded(run)),
-        "player": "\n".join(_asset(f"{name}.js") for name in ("scene", "charts", "camera_image", "controls", "player")),
+        "run": _packed(_embedded(shown)),
+        "player": "\n".join(
+            _asset(f"{name}.js") for name in ("track", "scene", "charts", "camera_image", "controls", "player")
+        ),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("player.html"))
 

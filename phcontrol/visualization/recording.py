@@ -1,8 +1,9 @@
-"""A run kept as one page, to be opened by anyone, offline."""
+"""Runs kept as one page, to be opened by anyone, offline."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import numpy as np
 from phcontrol._files import write_text
 from phcontrol._validation import Array, instance, positive
 from phcontrol.analysis.certificate import Certificate
+from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
 from phcontrol.visualization.page import page
+from phcontrol.visualization.shown_run import ShownRun
 from phcontrol.visualization.stage import Stage
 
 LARGEST = 6000
@@ -20,23 +23,25 @@ LARGEST = 6000
 
 
 def record(
-    log: Log,
+    log: Log | Mapping[str, Log],
     path: str | os.PathLike[str],
     *,
     robot: Robot | None = None,
     rate: float = 30.0,
     certificate: Certificate | None = None,
 ) -> Path:
-    """Write a page that plays a run in a browser, without a network: the arm, and any signal of the log over time.
+    """Write a page that plays runs in a browser, without a network: the arm, and any signal of the log over time.
+
+    Several runs stand side by side under one time, and their signals lie over each other.
 
     Args:
-        log: the run, of ``simulate`` or of ``Log.load``.
+        log: the run, of ``simulate`` or of ``Log.load``; or up to four by what they shall be called.
         path: of the HTML file, written atomically.
         robot: the arm, where the log does not hold its description.
         rate: frames a second [Hz]; between them the page interpolates.
-        certificate: of the law, shown as a badge.
+        certificate: of the law of a single run, shown as a badge.
 
-    Raises DataFileError when the file cannot be written.
+    Raises DataFileError when the file cannot be written, InvalidArgumentError for no runs, or too many.
 
     Example:
         >>> import tempfile
@@ -52,7 +57,7 @@ def record(
 
 
 def recorded_page(
-    log: Log,
+    log: Log | Mapping[str, Log],
     *,
     robot: Robot | None = None,
     rate: float = 30.0,
@@ -60,13 +65,21 @@ def recorded_page(
     certificate: Certificate | None = None,
 ) -> str:
     """Return that page as text; with the address of MeshCat's ``script``, that is not part of it."""
-    instance("log", log, Log)
+    logs = log if isinstance(log, Mapping) else {"": instance("log", log, Log)}
+    for name, each in logs.items():
+        instance(f"log[{name!r}]", each, Log)
     if robot is not None:
         instance("robot", robot, Robot)
     if certificate is not None:
         instance("certificate", certificate, Certificate)
-    stage = Stage.of(log, robot)
-    return page(stage, frames_of(log, stage, positive("rate", rate)), script=script, certificate=certificate)
+        if len(logs) > 1:
+            raise InvalidArgumentError("certificate", "is of one law, and there are several runs")
+    every = positive("rate", rate)
+    shown = []
+    for name, each in logs.items():
+        stage = Stage.of(each, robot)
+        shown.append(ShownRun(stage, frames_of(each, stage, every), str(name)))
+    return page(shown, script=script, certificate=certificate)
 
 
 def frames_of(log: Log, stage: Stage, rate: float) -> Array:

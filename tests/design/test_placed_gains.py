@@ -18,9 +18,9 @@ from phcontrol import (
     make_controller,
     simulate,
 )
-from phcontrol.design.force_feedback_poles import ForceFeedbackPoles
-from phcontrol.design.integral_action_poles import IntegralActionPoles
-from phcontrol.design.second_order_poles import SecondOrderPoles
+from phcontrol.poles.force_feedback_poles import ForceFeedbackPoles
+from phcontrol.poles.integral_action_poles import IntegralActionPoles
+from phcontrol.poles.second_order_poles import SecondOrderPoles
 from tests.controllers.arms import chain
 
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]

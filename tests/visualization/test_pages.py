@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from phcontrol import (
+    InvalidArgumentError,
     LiveView,
     MechanicalSystem,
     MinimumJerk,
@@ -303,3 +304,85 @@ def test_an_axis_of_a_chart_has_three_ticks_at_least(browser, log, tmp_path):
     """
     with browser.open(record(log, tmp_path / "run.html").as_uri()) as page:
         assert page.evaluate(f"(() => {{ {functions} {program} }})()") == []
+
+
+@pytest.fixture(scope="module")
+def beside():
+    """Two runs of the same arm from the same place, of different length: with and without a push."""
+    system = MechanicalSystem(load_robot("pera_shoulder"))
+    law = make_controller("energy_shaping", system, goal=[0.5, 0.3])
+    calm = simulate(system, law, duration=1.0, dt=1e-2)
+    pushed = simulate(system, law, duration=0.6, dt=1e-2, disturbance=[3.0, 0.0])
+    return {"calm": calm, "pushed <b>": pushed}
+
+
+def test_runs_stand_side_by_side_under_one_time(browser, beside, tmp_path):
+    robot = load_robot("pera_shoulder")
+    with browser.open(record(beside, tmp_path / "runs.html").as_uri()) as page:
+        assert page.evaluate("phcontrol.duration") == pytest.approx(1.0)
+        for moment in (0.0, 0.3, 0.9):
+            page.locator("#scrub").fill(str(moment))
+            for number, log in enumerate(beside.values()):
+                k = int(np.searchsorted(log.time, min(moment, log.time[-1]) - 1e-9))  # an ended run stays at its end
+                seen = np.array(page.evaluate(f"phcontrol.where('robot/arm', {number})"))
+                np.testing.assert_allclose(seen, robot.placement("arm", log.position[k]).translation, atol=1e-4)
+        assert page.locator(".pane canvas").count() == 2
+        assert page.locator(".pane .name").all_inner_texts() == list(beside)
+        page.evaluate("phcontrol.charts.show(['position']); phcontrol.seek(0.3)")
+        rows = page.locator(".value:not(.head)")
+        k = int(np.searchsorted(beside["calm"].time, 0.3 - 1e-9))
+        for joint in range(2):
+            values = [float(text) for text in rows.nth(joint).inner_text().split("\n")[1:]]
+            np.testing.assert_allclose(
+                values, [log.position[k, joint] for log in beside.values()], rtol=6e-3, atol=6e-4
+            )
+        both = page.locator(".chart canvas").screenshot()
+        page.locator("#runs button").nth(1).click()  # its lines go, its arm stays
+        assert page.locator("#runs button").nth(1).get_attribute("aria-pressed") == "false"
+        assert page.locator(".chart canvas").screenshot() != both
+        assert page.locator(".pane canvas").count() == 2
+        assert page.problems == []
+
+
+def test_scenes_side_by_side_are_looked_at_from_one_place(browser, beside, tmp_path):
+    with browser.open(record(beside, tmp_path / "runs.html").as_uri()) as page:
+        before = page.evaluate("phcontrol.cameras")
+        assert np.allclose(before[0], before[1])
+        pane = box_of(page, "#meshcat-pane > .pane:first-child")
+        page.mouse.move(0.5 * (pane[0] + pane[2]), 0.5 * (pane[1] + pane[3]))
+        page.mouse.down()
+        page.mouse.move(0.5 * (pane[0] + pane[2]) + 80, 0.5 * (pane[1] + pane[3]) + 30, steps=4)
+        page.mouse.up()
+        page.wait_for_function(f"Math.abs(phcontrol.cameras[0][0] - {before[0][0]}) > 1e-2")
+        after = page.evaluate("phcontrol.cameras")
+        assert not np.allclose(after[0], before[0], atol=1e-2)
+        assert np.allclose(after[0], after[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1200, 800), (800, 900), (400, 800)], ids=str)
+def test_panes_side_by_side_share_the_width(browser, beside, tmp_path, size):
+    with browser.open(record(beside, tmp_path / "runs.html").as_uri()) as page:
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        panes = "[...document.querySelectorAll('.pane')]"
+        page.wait_for_function(f"{panes}.every((pane) => Math.abs(pane.clientWidth - pane.firstChild.clientWidth) < 2)")
+        panes = [page.locator(".pane").nth(k).bounding_box() for k in range(2)]
+        canvases = [page.locator(".pane canvas").nth(k).bounding_box() for k in range(2)]
+        for pane, canvas in zip(panes, canvases, strict=True):
+            for side in ("x", "y", "width", "height"):
+                assert canvas[side] == pytest.approx(pane[side], abs=1.5)
+        assert panes[0]["width"] == pytest.approx(panes[1]["width"], abs=1.5)
+        assert panes[0]["x"] + panes[0]["width"] <= panes[1]["x"] + 0.5
+        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+        panel = page.locator("#panel")
+        assert panel.evaluate("(box) => box.scrollWidth <= box.clientWidth")
+        assert page.problems == []
+
+
+def test_more_runs_than_can_be_told_apart_are_refused(beside, tmp_path):
+    log = beside["calm"]
+    with pytest.raises(InvalidArgumentError, match="must be 1 to 4 runs for a page, but are 5"):
+        record({str(k): log for k in range(5)}, tmp_path / "runs.html")
+    with pytest.raises(InvalidArgumentError, match="must be 1 to 4 runs for a page, but are 0"):
+        record({}, tmp_path / "runs.html")
+    with pytest.raises(InvalidArgumentError, match=r"log\['two'\]: must be a Log"):
+        record({"one": log, "two": 3}, tmp_path / "runs.html")

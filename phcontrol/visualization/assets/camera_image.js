@@ -1,9 +1,8 @@
 // What the camera in the hand sees: the object's features on the image plane.
 "use strict";
 
-function drawImage(run, columns, frames, index, frame, canvas) {
+function drawImage({ run, columns, frames, index, now }, canvas) {
   const image = run.image;
-  canvas.hidden = false;
   const [pen, width, height] = cleared(canvas, (wide) => wide * image.height / image.width);
   canvas.style.height = height + "px";
   const x = (mu) => width * (0.5 + mu / image.width), y = (nu) => height * (0.5 + nu / image.height);
@@ -21,7 +20,7 @@ function drawImage(run, columns, frames, index, frame, canvas) {
   for (let i = 0; i <= index; i++) pen.lineTo(x(frames[i][columns.image]), y(frames[i][columns.image + 1]));
   pen.stroke();
   if (image.goal) bar(image.goal[0], image.goal[1], image.goal[2], "rgba(0, 114, 178, 0.40)", 9);
-  bar(frame[columns.image], frame[columns.image + 1], frame[columns.image + 2], "#1a9959", 4);
+  bar(now[columns.image], now[columns.image + 1], now[columns.image + 2], "#1a9959", 4);
   pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--ink");
   pen.font = "11px system-ui, sans-serif";
   pen.fillText("image plane: object (green), goal (blue)", 6, 14);

@@ -48,13 +48,18 @@ function cleared(canvas, heightOf) {
   return [pen, width, height];
 }
 
-/** Charts in a box. seek(t) is called where the user points at a time; first are the groups shown at first. */
-function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
-  const HEIGHT = 118, LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 18;
-  const groups = {};
-  run.signals.forEach((signal, i) => {
-    (groups[signal.group] = groups[signal.group] || []).push(
-      { ...signal, column: columns.signals + i, low: Infinity, high: -Infinity, shown: true });
+/** Charts in a box, of all runs over each other. seek(t) is called where the user points at a time; first are the groups shown at first. */
+function makeCharts(tracks, box, { seek, isDark, first }) {
+  const HEIGHT = 118, LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 18, several = tracks.length > 1;
+  const groups = {};  // of signals, each with its column in every run that has it
+  for (const { run, columns, number } of tracks) run.signals.forEach((signal, i) => {
+    const group = (groups[signal.group] = groups[signal.group] || []);
+    let known = group.find((each) => each.label === signal.label && each.unit === signal.unit);
+    if (!known) {
+      known = { ...signal, columns: {}, low: Infinity, high: -Infinity, shown: true };
+      group.push(known);
+    }
+    known.columns[number] = columns.signals + i;
   });
   const charts = [];
   let view = null;  // [from, to] of the time axis; null for all of it
@@ -66,9 +71,10 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
     return made;
   };
 
-  function note(frame) {
+  function note({ number }, frame) {
     for (const group of Object.values(groups)) for (const signal of group) {
-      const value = frame[signal.column];
+      if (!(number in signal.columns)) continue;
+      const value = frame[signal.columns[number]];
       if (value < signal.low) signal.low = value;
       if (value > signal.high) signal.high = value;
     }
@@ -102,20 +108,24 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
 
   function fillLegend(chart) {
     chart.rows = groups[chart.group].map((signal) => {
-      const mark = make("i", {}), number = make("b", {});
+      const mark = make("i", {}), numbers = tracks.map(() => make("b", {}));
       const row = make("button", { type: "button", className: "value", title: "show or hide " + signal.label },
-        make("span", {}, mark, signal.label), number);
+        make("span", {}, mark, signal.label), ...numbers);
       row.addEventListener("click", () => { signal.shown = !signal.shown; redraw(); });
-      return { signal, row, mark, number };
+      return { signal, row, mark, numbers };
     });
-    chart.legend.replaceChildren(...chart.rows.map((entry) => entry.row));
-    chart.legend.classList.toggle("two", chart.rows.length > 3);
+    const head = several ? [make("div", { className: "value head" }, make("span", {}), ...tracks.map(dashOf))] : [];
+    chart.legend.replaceChildren(...head, ...chart.rows.map((entry) => entry.row));
+    chart.legend.classList.toggle("several", several);
+    chart.legend.classList.toggle("two", chart.rows.length > 3 && !several);
     chart.canvas.setAttribute("aria-label", chart.group + " over time: " +
       groups[chart.group].map((signal) => signal.label + " in " + signal.unit).join(", "));
   }
 
+  const whole = () => [Math.min(...tracks.map((track) => track.start)), Math.max(...tracks.map((track) => track.end))];
+
   function span() {
-    const start = frames[0][0], end = frames[frames.length - 1][0];
+    const [start, end] = whole();
     return view || [start, end > start ? end : start + 1];
   }
 
@@ -139,7 +149,7 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
     canvas.addEventListener("wheel", (event) => {  // zooms time about the pointer
       event.preventDefault();
       const [from, to] = span(), at = timeAt(chart, event), factor = Math.pow(1.2, Math.sign(event.deltaY));
-      const start = frames[0][0], end = frames[frames.length - 1][0];
+      const [start, end] = whole();
       const left = Math.max(start, at - (at - from) * factor), right = Math.min(end, at + (to - at) * factor);
       view = right - left >= end - start - 1e-9 ? null : right - left > 1e-3 ? [left, right] : view;
       redraw();
@@ -148,6 +158,9 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
 
   const colorOf = (signal) => (isDark() && BRIGHT[signal.color]) || signal.color;
 
+  /** The runs whose lines of a signal are shown. */
+  const drawnOf = (signal) => tracks.filter((track) => track.shown && track.number in signal.columns);
+
   /** The range of the axis: of what is shown, in the time that is shown; and of limits that are not far. */
   function rangeOf(signals, from, to) {
     let low = Infinity, high = -Infinity;
@@ -155,9 +168,9 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
       let [least, most] = [signal.low, signal.high];
       if (view) {
         least = Infinity; most = -Infinity;
-        for (const frame of frames) if (frame[0] >= from && frame[0] <= to) {
-          least = Math.min(least, frame[signal.column]);
-          most = Math.max(most, frame[signal.column]);
+        for (const { frames, number } of drawnOf(signal)) for (const frame of frames) if (frame[0] >= from && frame[0] <= to) {
+          least = Math.min(least, frame[signal.columns[number]]);
+          most = Math.max(most, frame[signal.columns[number]]);
         }
       }
       low = Math.min(low, least);
@@ -178,14 +191,14 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
   }
 
   let now = null;
-  function redraw() { if (now) draw(...now); }
+  function redraw() { if (now !== null) draw(now); }
 
-  function draw(index, frame, time, between) {
-    now = [index, frame, time, between];
-    if (!frames.length || !box.clientWidth) return;
+  function draw(time) {
+    now = time;
+    if (!box.clientWidth) return;
     const style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--ink"), grid = style.getPropertyValue("--line"), soft = style.getPropertyValue("--soft");
-    const at = hover === null ? frame : between(hover);
+    const at = tracks.map((track) => (hover === null ? track.now : track.at(hover)));
     const [from, to] = span();
     for (const chart of charts) {
       const shown = chart.rows.map((entry) => entry.signal).filter((signal) => signal.shown);
@@ -193,8 +206,11 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
         entry.mark.style.background = colorOf(entry.signal);
         entry.row.classList.toggle("off", !entry.signal.shown);
         entry.row.setAttribute("aria-pressed", String(entry.signal.shown));
-        const value = at[entry.signal.column];
-        entry.number.textContent = chart.rows.length > 3 ? short(value) : readable(value) + " " + entry.signal.unit;
+        entry.numbers.forEach((place, k) => {
+          const value = k in entry.signal.columns ? at[k][entry.signal.columns[k]] : null;
+          const brief = several || chart.rows.length > 3;
+          place.textContent = value === null ? "–" : brief ? short(value) : readable(value) + " " + entry.signal.unit;
+        });
       }
       const [pen, width] = cleared(chart.canvas, () => HEIGHT), [low, high] = rangeOf(shown, from, to);
       const x = (t) => LEFT + ((t - from) / (to - from)) * (width - LEFT - RIGHT);
@@ -224,18 +240,20 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
       pen.rect(LEFT, 0, width - LEFT - RIGHT, HEIGHT - BOTTOM);
       pen.clip();
       drawLimits(pen, shown, low, high, y, width);
-      const step = Math.max(1, Math.floor(frames.length / (2 * width)));
-      for (const signal of shown) {
+      for (const signal of shown) for (const { frames, number, index, now: frame, dash, end: last } of drawnOf(signal)) {
+        const column = signal.columns[number], step = Math.max(1, Math.floor(frames.length / (2 * width)));
         pen.strokeStyle = colorOf(signal);
-        for (const [begin, end, alpha] of [[index, frames.length - 1, 0.3], [0, index, 1]]) {
+        pen.setLineDash(dash);
+        for (const [begin, end, alpha] of [[index, frames.length - 1, several ? 0.45 : 0.3], [0, index, 1]]) {
           pen.globalAlpha = alpha;
           pen.lineWidth = 1.5;
           pen.beginPath();
-          for (let i = begin; i <= end; i += step) pen.lineTo(x(frames[i][0]), y(frames[i][signal.column]));
-          if (alpha === 1) pen.lineTo(x(time), y(frame[signal.column]));
-          else pen.lineTo(x(frames[end][0]), y(frames[end][signal.column]));
+          for (let i = begin; i <= end; i += step) pen.lineTo(x(frames[i][0]), y(frames[i][column]));
+          if (alpha === 1) pen.lineTo(x(Math.min(time, last)), y(frame[column]));
+          else pen.lineTo(x(frames[end][0]), y(frames[end][column]));
           pen.stroke();
         }
+        pen.setLineDash([]);
         pen.globalAlpha = 1;
       }
       pen.strokeStyle = ink;
@@ -272,6 +290,21 @@ function makeCharts(run, columns, frames, box, { seek, isDark, first }) {
     }
   }
 
+  if (several) {
+    const keys = document.getElementById("runs");
+    keys.hidden = false;
+    for (const track of tracks) {
+      const key = make("button", { type: "button", className: "run", title: "show or hide the lines of " + track.name },
+        dashOf(track), make("span", { textContent: track.name }));
+      key.setAttribute("aria-pressed", "true");
+      key.addEventListener("click", () => {
+        track.shown = !track.shown;
+        key.setAttribute("aria-pressed", String(track.shown));
+        redraw();
+      });
+      keys.append(key);
+    }
+  }
   first.filter((name) => groups[name]).forEach(add);
   return {
     note, draw, redraw, groups: Object.keys(groups),

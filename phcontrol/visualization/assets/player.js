@@ -1,8 +1,7 @@
-// Plays the frames of a run in a scene, with its signals beside it.
+// Plays runs in scenes side by side, with their signals over each other, under one time.
 //
-// A frame is a row of numbers: time, seven for the pose of each node, six for each arrow (origin and vector),
-// one for each signal, three for the point that leaves a trail. Recorded frames are in the page; live ones come
-// over a socket, and stay, so that a run can be played again when it has ended.
+// Recorded frames are in the page; live ones come over a socket, and stay, so that a run can be played again when it
+// has ended. A page that is live has one run.
 "use strict";
 
 const element = (id) => document.getElementById(id);
@@ -21,88 +20,83 @@ async function begin() {
   startPlayer(JSON.parse(await unpacked("run")));
 }
 
-function startPlayer(run) {
-  const columns = { nodes: 1 };
-  columns.arrows = columns.nodes + 7 * run.nodes.length;
-  columns.signals = columns.arrows + 6 * run.arrows.length;
-  columns.trail = columns.signals + run.signals.length;
-  columns.image = columns.trail + 3;
-  columns.count = columns.image + (run.image ? run.image.columns : 0);
-
-  const frames = [];
+function startPlayer(runs) {
+  const run = runs[0];  // what is of the page, not of a run, stands in the first
+  const tracks = runs.map(makeTrack), known = () => tracks.every((track) => track.frames.length);
   let time = 0, playing = false, following = run.live, drawn = -1;
 
   const scheme = window.matchMedia("(prefers-color-scheme: dark)"), isDark = () => scheme.matches;
-  const scene = makeScene(run, columns, element("meshcat-pane"), isDark);
+  element("meshcat-pane").dataset.runs = runs.length;
+  const strongest = {}, scenes = tracks.map((track) => {
+    const pane = document.createElement("div");
+    pane.className = "pane";
+    element("meshcat-pane").append(pane);
+    const scene = makeScene(track.run, track.columns, pane, isDark, strongest);
+    if (runs.length > 1) pane.append(nameOf(track));
+    return scene;
+  });
+  if (runs.length > 1) lookAlike(scenes);
+  const has = (group) => runs.some((each) => each.signals.some((signal) => signal.group === group));
   const first = ["storage function", "joint error", "torque"];
-  if (run.signals.some((signal) => signal.group === "contact")) first.splice(1, 1, "contact");
-  if (!run.signals.some((signal) => signal.group === first[1])) first.splice(1, 1, "position");
-  const charts = makeCharts(run, columns, frames, element("charts"), { seek, isDark, first, });
+  if (has("contact")) first.splice(1, 1, "contact");
+  if (!has(first[1])) first.splice(1, 1, "position");
+  const charts = makeCharts(tracks, element("charts"), { seek, isDark, first });
   element("add").addEventListener("click", charts.add);
+  const images = tracks.map((track) => {
+    if (!track.run.image) return null;
+    const canvas = document.createElement("canvas");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "image plane of the camera" + (runs.length > 1 ? " of " + track.name : ""));
+    element("images").append(canvas);
+    return canvas;
+  });
+
+  function nameOf(track) {
+    const name = document.createElement("div");
+    name.className = "name";
+    name.append(dashOf(track), track.name);
+    return name;
+  }
 
   // --- one moment -----------------------------------------------------------------------------------------
 
-  function indexAt(moment) {
-    let low = 0, high = frames.length - 1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (frames[middle][0] <= moment) low = middle; else high = middle - 1;
-    }
-    return low;
-  }
-
-  function frameAt(moment, into) {
-    const i = indexAt(moment), before = frames[i], after = frames[Math.min(i + 1, frames.length - 1)];
-    const gap = after[0] - before[0];
-    const part = gap > 0 ? Math.min(1, Math.max(0, (moment - before[0]) / gap)) : 0;
-    for (let c = 0; c < columns.count; c++) into[c] = before[c] + part * (after[c] - before[c]);
-    for (let n = 0; n < run.nodes.length; n++) {  // quaternions: the short way, made unit again
-      const at = columns.nodes + 7 * n + 3;
-      let dot = 0, norm = 0;
-      for (let c = at; c < at + 4; c++) dot += before[c] * after[c];
-      for (let c = at; c < at + 4; c++) {
-        into[c] = before[c] + part * ((dot < 0 ? -after[c] : after[c]) - before[c]);
-        norm += into[c] * into[c];
-      }
-      for (let c = at; c < at + 4; c++) into[c] /= Math.sqrt(norm);
-    }
-    return i;
-  }
-
-  const shown = new Float64Array(columns.count), hovered = new Float64Array(columns.count);
-
   function show(moment) {
-    if (frames.length === 0) return;
-    const start = frames[0][0], end = frames[frames.length - 1][0];
+    if (!known()) return;
+    const start = Math.min(...tracks.map((track) => track.start)), end = Math.max(...tracks.map((track) => track.end));
     time = Math.min(Math.max(moment, start), end);
-    const index = frameAt(time, shown);
-    scene.show(frames, index, shown);
+    tracks.forEach((track, k) => {
+      track.goTo(time);
+      scenes[k].show(track.frames, track.index, track.now);
+    });
     if (!document.body.classList.contains("folded")) {
-      charts.draw(index, shown, time, (at) => { frameAt(at, hovered); return hovered; });
-      if (run.image) drawImage(run, columns, frames, index, shown, element("image"));
+      charts.draw(time);
+      tracks.forEach((track, k) => { if (images[k]) drawImage(track, images[k]); });
     }
-    element("arrows").textContent = [...new Set(run.arrows.map((arrow) => arrow.unit))]
-      .map((unit) => "arrows: 1 " + unit + " is " + readable(1000 * scene.scaleOf(unit)) + " mm").join("; ");
+    const units = runs.flatMap((each) => each.arrows.map((arrow) => arrow.unit));
+    element("arrows").textContent = [...new Set(units)]
+      .map((unit) => "arrows: 1 " + unit + " is " + readable(1000 * scenes[0].scaleOf(unit)) + " mm").join("; ");
     element("clock").textContent = time.toFixed(2) + " s of " + end.toFixed(2);
     const scrub = element("scrub");
     scrub.min = start;
     scrub.max = Math.max(end, start + 1e-6);
     scrub.value = time;
     scrub.setAttribute("aria-valuetext", time.toFixed(2) + " seconds");
-    drawn = frames.length;
+    drawn = tracks[0].frames.length;
   }
+
+  const startOfAll = () => Math.min(...tracks.map((track) => track.start));
+  const endOfAll = () => (known() ? Math.max(...tracks.map((track) => track.end)) : 0);
 
   // --- playing --------------------------------------------------------------------------------------------
 
   let last = null;
   function tick(now) {
     if (following) {
-      if (frames.length !== drawn && frames.length) show(frames[frames.length - 1][0]);
-    } else if (playing && frames.length) {
+      if (known() && tracks[0].frames.length !== drawn) show(endOfAll());
+    } else if (playing && known()) {
       const passed = last === null ? 0 : (now - last) / 1000;
-      const end = frames[frames.length - 1][0];
       show(time + passed * Number(element("speed").value));
-      if (time >= end) setPlaying(false);
+      if (time >= endOfAll()) setPlaying(false);
     }
     last = now;
     window.requestAnimationFrame(tick);
@@ -121,7 +115,7 @@ function startPlayer(run) {
 
   function play() {
     setFollowing(false);
-    if (frames.length && time >= frames[frames.length - 1][0]) show(frames[0][0]);
+    if (known() && time >= endOfAll()) show(startOfAll());
     setPlaying(true);
   }
 
@@ -131,13 +125,14 @@ function startPlayer(run) {
     show(moment);
   }
 
-  function take(rows) {
+  function take(track, rows) {
+    const { columns, frames } = track;
     for (let at = 0; at + columns.count <= rows.length; at += columns.count) {
       const frame = rows.subarray(at, at + columns.count);
-      if (frames.length && frame[0] <= frames[frames.length - 1][0]) continue;
+      if (frames.length && frame[0] <= track.end) continue;
       frames.push(frame);
-      scene.noteForces(frame);
-      charts.note(frame);
+      scenes[track.number].noteForces(frame);
+      charts.note(track, frame);
     }
   }
 
@@ -147,7 +142,7 @@ function startPlayer(run) {
     document.body.classList.toggle("folded", on);
     element("fold").setAttribute("aria-expanded", String(!on));
     element("fold").textContent = on ? "show charts" : "hide charts";
-    scene.fit();
+    scenes.forEach((scene) => scene.fit());
     show(time);
   }
 
@@ -155,7 +150,7 @@ function startPlayer(run) {
   function showAxes(on) {
     axes = on;
     element("axes").setAttribute("aria-pressed", String(on));
-    scene.showFrames(on);
+    scenes.forEach((scene) => scene.showFrames(on));
   }
 
   element("play").addEventListener("click", () => (playing ? setPlaying(false) : play()));
@@ -163,8 +158,8 @@ function startPlayer(run) {
   element("live").addEventListener("click", () => { setPlaying(false); setFollowing(true); drawn = -1; });
   element("fold").addEventListener("click", () => fold(!document.body.classList.contains("folded")));
   element("axes").addEventListener("click", () => showAxes(!axes));
-  scheme.addEventListener("change", () => { scene.lookAtScene(); show(time); });
-  new ResizeObserver(() => { scene.fit(); show(time); }).observe(element("meshcat-pane"));
+  scheme.addEventListener("change", () => { scenes.forEach((scene) => scene.lookAtScene()); show(time); });
+  new ResizeObserver(() => { scenes.forEach((scene) => scene.fit()); show(time); }).observe(element("meshcat-pane"));
   window.addEventListener("keydown", (event) => {
     const typing = ["INPUT", "SELECT", "BUTTON", "TEXTAREA"].includes(event.target.tagName);
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -172,8 +167,8 @@ function startPlayer(run) {
       " ": () => (playing ? setPlaying(false) : play()),
       ArrowRight: () => seek(time + 0.1),
       ArrowLeft: () => seek(time - 0.1),
-      Home: () => seek(frames[0][0]),
-      End: () => seek(frames[frames.length - 1][0]),
+      Home: () => seek(startOfAll()),
+      End: () => seek(endOfAll()),
       c: () => fold(!document.body.classList.contains("folded")),
       f: () => showAxes(!axes),
     };
@@ -182,17 +177,18 @@ function startPlayer(run) {
     actions[event.key]();
   });
 
-  element("title").textContent = run.title;
+  element("title").textContent = document.title;
   if (run.certificate) {
     element("badge").hidden = false;
     element("badge").classList.toggle("failed", !run.certificate.passed);
     element("badge").querySelector("summary").textContent = "certificate: " + run.certificate.verdict;
     element("badge").querySelector("pre").textContent = run.certificate.text;
   }
-  if (run.notes.length) {
+  const notes = tracks.flatMap((track) => track.run.notes.map((note) => (runs.length > 1 ? track.name + ": " : "") + note));
+  if (notes.length) {
     element("notes").hidden = false;
-    element("notes").querySelector("summary").textContent = run.notes.length + " note" + (run.notes.length > 1 ? "s" : "");
-    for (const note of run.notes) {
+    element("notes").querySelector("summary").textContent = notes.length + " note" + (notes.length > 1 ? "s" : "");
+    for (const note of notes) {
       const item = document.createElement("li");
       item.textContent = note;
       element("notes").querySelector("ul").append(item);
@@ -209,7 +205,7 @@ function startPlayer(run) {
     socket = new WebSocket((location.protocol === "https:" ? "wss://" : "ws://") + location.host + "/frames");
     socket.binaryType = "arraybuffer";
     socket.onmessage = (message) => {
-      if (typeof message.data === "string") ended(); else take(new Float32Array(message.data));
+      if (typeof message.data === "string") ended(); else take(tracks[0], new Float32Array(message.data));
     };
     socket.onclose = ended;
   }
@@ -217,37 +213,40 @@ function startPlayer(run) {
   function ended() {
     element("live").hidden = true;
     element("controls").hidden = true;
-    if (following && frames.length) show(frames[frames.length - 1][0]);
+    if (following && known()) show(endOfAll());
     setFollowing(false);
     api.ended = true;
   }
 
   if (run.controls) {
-    handleAt = makeControls(run, scene, element("controls"), (part, values) => {
+    handleAt = makeControls(run, scenes[0], element("controls"), (part, values) => {
       if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ part, values }));
     });
   }
 
-  const { viewer, THREE } = scene;
+  const { viewer, THREE } = scenes[0];
   const api = window.phcontrol = {
-    run, viewer, charts, play, seek, fold,
+    runs, viewer, charts, play, seek, fold,
     pause: () => setPlaying(false),
     ended: false,
     handle: (part) => handleAt(part),
     get time() { return time; },
-    get frames() { return frames.length; },
-    get duration() { return frames.length ? frames[frames.length - 1][0] : 0; },
-    /** Where a node of the scene is, in the world: [x, y, z]. */
-    where(path) {
-      const object = viewer.scene_tree.find(path.split("/")).object, root = viewer.scene_tree.object;
+    get frames() { return Math.min(...tracks.map((track) => track.frames.length)); },
+    get duration() { return endOfAll(); },
+    /** Where each scene is looked at from. */
+    get cameras() { return scenes.map((scene) => scene.viewer.camera.position.toArray()); },
+    /** Where a node of a run's scene is, in the world: [x, y, z]. */
+    where(path, number = 0) {
+      const tree = scenes[number].viewer.scene_tree, object = tree.find(path.split("/")).object, root = tree.object;
       root.updateMatrixWorld(true);
       return root.worldToLocal(object.getWorldPosition(new THREE.Vector3())).toArray();  // z up, not three.js's y
     },
   };
 
-  window.requestAnimationFrame(() => window.requestAnimationFrame(scene.fit));  // after MeshCat's own first fit
-  scene.lookAtScene();
-  if (run.frames) take(framesOf(run.frames, columns.count));
+  const fitAll = () => scenes.forEach((scene) => scene.fit());
+  window.requestAnimationFrame(() => window.requestAnimationFrame(fitAll));  // after MeshCat's own first fit
+  scenes.forEach((scene) => scene.lookAtScene());
+  for (const track of tracks) if (track.run.frames) take(track, framesOf(track.run.frames, track.columns.count));
   if (run.live) listen(); else { show(0); play(); }
   window.requestAnimationFrame(tick);
 }

@@ -24,8 +24,24 @@ function framesOf(text, columns) {
   return Float32Array.from(table, (_, i) => table[(i % columns) * rows + Math.floor(i / columns)]);
 }
 
-/** Makes the scene of a run; columns says where in a frame what begins. */
-function makeScene(run, columns, pane, isDark) {
+/** Lets scenes side by side be looked at from one place: what is turned in one turns in all. */
+function lookAlike(scenes) {
+  let busy = false;
+  for (const { viewer } of scenes) viewer.controls.addEventListener("change", () => {
+    if (busy) return;
+    busy = true;
+    for (const other of scenes) if (other.viewer !== viewer) {
+      other.viewer.camera.position.copy(viewer.camera.position);
+      other.viewer.controls.target.copy(viewer.controls.target);
+      other.viewer.controls.update();
+      other.viewer.set_dirty();
+    }
+    busy = false;
+  });
+}
+
+/** Makes the scene of a run; columns says where in a frame what begins, strongest, common to all scenes, the longest arrows. */
+function makeScene(run, columns, pane, isDark, strongest) {
   const viewer = new MeshCat.Viewer(pane), THREE = MeshCat.THREE;
 
   function pointsOf(shape) {
@@ -99,7 +115,6 @@ function makeScene(run, columns, pane, isDark) {
   line.frustumCulled = false;
   viewer.set_object(["trail"], line);
 
-  const strongest = {};
   /** Notes how long the arrows of a frame are: the longest of all frames has half the scene's radius. */
   function noteForces(frame) {
     run.arrows.forEach((arrow, i) => {

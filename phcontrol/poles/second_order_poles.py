@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from phcontrol.design.poles import SHARE, Placed, Poles
+from phcontrol.poles.poles import SHARE, Placed, Poles
 
 
 class SecondOrderPoles(Poles):

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from phcontrol.design.poles import Placed, Poles
 from phcontrol.exceptions import PHControlError
+from phcontrol.poles.poles import Placed, Poles
 
 _RAISED, _ROUNDS = 1.25, 60  # by how much the real pole is moved on where friction asks for it, and how often
 

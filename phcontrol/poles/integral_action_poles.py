@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from phcontrol.design.poles import Placed, Poles
 from phcontrol.exceptions import PHControlError
+from phcontrol.poles.poles import Placed, Poles
 
 _SECOND = 2.0  # the second real pole over the first
 _RAISED, _ROUNDS = 1.25, 60  # by how much it is moved on where friction asks for it, and how often

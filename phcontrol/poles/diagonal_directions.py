@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from phcontrol._validation import Array
-from phcontrol.design.directions import Directions
+from phcontrol.poles.directions import Directions
 
 
 class DiagonalDirections(Directions):
