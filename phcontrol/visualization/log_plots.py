@@ -47,7 +47,9 @@ class LogPlots:
         if axes is not None:
             return axes
         own = _axes(None)
-        plots.joints_legend(own.get_figure(root=True), self._log)
+        figure = own.get_figure(root=True)
+        if figure is not None:
+            plots.joints_legend(figure, self._log)
         return own
 
     @property
