@@ -73,9 +73,7 @@ def main() -> None:
     steps: list[tuple[np.ndarray, np.ndarray]] = []
     try:
         with FrankaArm(options.address, system, realtime=options.realtime, recover=True) as arm:
-            start = arm.read().position
-            arm.write(np.zeros(system.n))
-            law, way = make_law(options.law, system, start)
+            law, way = make_law(options.law, system, arm.position)
             loop = ControlLoop(
                 system,
                 law,

@@ -45,7 +45,11 @@ class FrankaArm:
     """A driver for a Franka Research 3 or Franka Emika Robot; a context manager that starts and ends torque control.
 
         with FrankaArm("172.16.0.2", system) as arm:
+            loop = ControlLoop(system, make_controller("energy_shaping", system, arm.position), 1e-3)
             drive(loop, arm, 10.0)
+
+    Torque control begins with the first ``read``, and from then on the robot waits for nobody: what takes longer than
+    a few milliseconds (making a law, a filter or a log) belongs before it. ``position`` says where the arm stands.
 
     The robot is the clock (``pace`` is "read"): every millisecond ``read`` gets its state, and the torque has to be
     back within some 300 µs. The robot adds its own weight, and that of the hand and load it was told of (in Desk, or
@@ -110,9 +114,12 @@ class FrankaArm:
         self.robot: Any = None
         """pylibfranka's own ``Robot``; None outside the block."""
         self._control: Any = None
+        self._begins = False
         self._last: Array = np.zeros(_JOINTS)
+        self.position: Array = np.full(_JOINTS, np.nan)
+        """Where the arm stood when it was connected, shape (7,) [rad]."""
         self.weight_error: Array = np.zeros(_JOINTS)
-        """Torque sensors minus the model's weight when control began, shape (7,) [N·m]."""
+        """Torque sensors minus the model's weight, likewise, shape (7,) [N·m]."""
         self.counts = {"readings": 0, "lost": 0}
         """States that came, and those that did not."""
 
@@ -128,18 +135,18 @@ class FrankaArm:
             self._compare_weight(state)
             if self._torques is not None and self._forces is not None:
                 self.robot.set_collision_behavior(self._torques, self._torques, self._forces, self._forces)
-            self._control = self.robot.start_torque_control()
         except Exception as error:
             self.robot = None
             if isinstance(error, PHControlError):
                 raise
-            raise ArmError(f"the robot at {self.address} does not start torque control: {_told(error)}") from error
+            raise ArmError(f"the robot at {self.address} is not ready: {_told(error)}") from error
+        self.position, self._begins = np.array(state.q), True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        control, robot, self._control, self.robot = self._control, self.robot, None, None
+        control, robot, self._control, self.robot, self._begins = self._control, self.robot, None, None, False
         if control is not None:
             try:
                 control.readOnce()
@@ -151,7 +158,12 @@ class FrankaArm:
                     robot.stop()
 
     def read(self) -> Reading:
-        """Wait for the robot's next state, and return it. Raises ArmError when the robot has stopped."""
+        """Wait for the robot's next state, and return it; the first begins torque control.
+
+        Raises ArmError when the robot has stopped.
+        """
+        if self._begins:
+            self._begin()
         if self._control is None:
             raise ArmError("the robot is not under control: use the arm as a context manager, `with FrankaArm(...)`")
         try:
@@ -170,12 +182,19 @@ class FrankaArm:
     def write(self, torque: Array) -> None:
         """Send a torque, shape (7,) [N·m]. Raises ArmError when the robot has stopped."""
         if self._control is None:
-            raise ArmError("the robot is not under control: use the arm as a context manager, `with FrankaArm(...)`")
+            raise ArmError("the robot is not under control: a torque answers a reading, `arm.read()` in a `with` block")
         try:
             self._control.writeOnce(self._franka.Torques(torque.tolist()))
         except Exception as error:
             raise self._stopped(error) from error
         self._last = torque
+
+    def _begin(self) -> None:
+        self._begins = False
+        try:
+            self._control = self.robot.start_torque_control()
+        except Exception as error:
+            raise ArmError(f"the robot at {self.address} does not start torque control: {_told(error)}") from error
 
     def _ready_state(self) -> Any:
         """Return the robot's state, which is one to start from. Raises ArmError where it is not."""
