@@ -1,10 +1,10 @@
 """Time of a step and of a simulation as an arm grows: chains of 1 to 30 joints.
 
-    python benchmarks/growth.py [--joints 1 2 3 7 14 30]
+    python benchmarks/growth.py [--joints 1 2 3 7 14 30] [--longest 120]
 
 For each length: Slotine-Li by hand, laws interpreted and compiled (operations, and what compiling took), and simulated
 seconds per second of the compiled loop and of MuJoCo all in C. What would take longer to compile than ``LONGEST``,
-by what the shorter chain took, is left out.
+by what the shorter chain took, is left out, and so is what the compiler does not come to the end of.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from peers import DT, found_peers, measured_runs, ways_of
 from reference import slotine_li
 from timing import interleaved
 
-from phcontrol import Measured, compile_law, make_controller
+from phcontrol import CompilationError, Measured, compile_law, make_controller
 
 JOINTS = (1, 2, 3, 7, 14, 30)
 LAWS = (
@@ -37,11 +37,11 @@ _SIMULATED = 2.0  # [s]
 
 
 def measured_growth(
-    lengths: tuple[int, ...], rounds: int, repeats: int, seconds: float = math.inf
+    lengths: tuple[int, ...], rounds: int, repeats: int, seconds: float = math.inf, longest: float = LONGEST
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """Return a row for each law and length, and lines that say what was left out.
 
-    What would not be compiled within ``seconds`` from now on is left out too.
+    What would take more than ``longest`` to compile, or not be compiled within ``seconds`` from now on, is left out.
     """
     end = time.perf_counter() + seconds
     rows: dict[str, dict[str, Any]] = {}
@@ -63,10 +63,14 @@ def measured_growth(
             expected = duration * (n / shorter) ** _POWER
             left = end - time.perf_counter()
             times_over = _LOOPS if (name, form) == ("force_feedback", "coriolis") else 1.0
-            if expected > LONGEST or times_over * expected > left or left < 0.0:
+            if expected > longest or times_over * expected > left or left < 0.0:
                 left_out.append(f"{name} {form}, {n} joints, compiled: would take {expected:.0f} s or more to compile")
                 continue
-            compiled = compile_law(law, progress=True)
+            try:
+                compiled = compile_law(law, progress=True)
+            except CompilationError as error:
+                left_out.append(f"{name} {form}, {n} joints, compiled: {error}")
+                continue
             report = reports[f"{name} {form}"] = compiled.report
             taken[name, form] = n, report.trace_time + report.compile_time
             candidates[f"{name} {form}, compiled"] = lambda c=compiled, q=q, v=v, state=state, seen=seen: c.step(
@@ -117,8 +121,10 @@ def main() -> None:
     parser.add_argument("--joints", nargs="*", type=int, default=list(JOINTS))
     parser.add_argument("--rounds", type=int, default=40)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--longest", type=float, default=LONGEST, help="that one law may take to compile [s]")
     options = parser.parse_args()
-    rows, left_out = measured_growth(tuple(options.joints), options.rounds, options.repeats)
+    joints = tuple(options.joints)
+    rows, left_out = measured_growth(joints, options.rounds, options.repeats, longest=options.longest)
     for line in [*lines_of(rows), *left_out]:
         print(line)
 
