@@ -20,7 +20,7 @@ from typing import Any
 
 import coverage
 import pytest
-from trial import PYTEST, forked, leave, limit, tame_hypothesis
+from trial import PYTEST, forked, leave, set_limit, tame_hypothesis
 
 
 def measurement(tree: Path) -> coverage.Coverage:
@@ -83,9 +83,10 @@ class CollectedTests:
         gc.freeze()
 
     def record(self, name: str, longest: float) -> dict[str, Any]:
-        """Run one test by itself; return whether it passed, its time [s], the lines it executed, and whether it
-        started a process (whose lines are not seen). One that takes more than ``longest`` of the processor [s] is given
-        up, as one that failed.
+        """Run one test by itself; return whether it passed, its processor time [s] and the lines it executed.
+
+        And whether it started a process, whose lines are not seen. One that takes more than ``longest`` of the
+        processor [s] is given up, as one that failed.
         """
 
         def run(pipe: int) -> int:
@@ -96,11 +97,11 @@ class CollectedTests:
             signal.setitimer(signal.ITIMER_REAL, 900.0)
             signal.setitimer(signal.ITIMER_PROF, longest)
             recorder = measurement(self.tree)
-            item, begin = self.items[name], time.monotonic()
+            item, begin = self.items[name], time.process_time()
             recorder.start()
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
             recorder.stop()
-            seconds = time.monotonic() - begin
+            seconds = time.process_time() - begin
             lines = executed(recorder, self.tree)
             found = {"passed": not self.failed, "seconds": round(seconds, 3), "starts": bool(started), "lines": lines}
             data = json.dumps(found).encode()
@@ -123,7 +124,7 @@ class CollectedTests:
                 function.__code__ = after.replace(co_filename=function.__code__.co_filename)
             chosen = [self.items[name] for name in usual if name in self.items]
             for item, following in zip(chosen, [*chosen[1:], None], strict=True):
-                signal.setitimer(signal.ITIMER_REAL, limit(usual[item.nodeid]))
+                set_limit(usual[item.nodeid])
                 item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
                 if self.failed:
                     leave(pipe, self.failed)
