@@ -170,7 +170,7 @@ def test_friction_limits_by_how_much_forces_are_amplified():
 
 RESTING = ["energy_shaping", "force_feedback", "force_feedback_measured", "integral_action", "total_force_rejection",
            "impedance_grasping", "classical_impedance"]  # fmt: skip
-"""Laws all of whose modes come to rest: no tank, no estimate, no motion of a redundant arm that leaves its hand alone."""
+"""Laws all of whose modes come to rest: no tank, no estimate, no motion that leaves a hand alone."""
 SLOWEST = 3.0  # [s]
 
 
