@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -11,14 +12,17 @@ from scipy.optimize import differential_evolution, minimize
 
 from phcontrol._validation import Array, choice, count, finite_array, flag, positive
 from phcontrol.analysis.linearization import linearize
+from phcontrol.compilation.errors import CompilationWarning
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.parameters import Gain
 from phcontrol.controllers.registry import make_controller
+from phcontrol.design.drawn_loops import DrawnLoops
 from phcontrol.design.trial import Trial
 from phcontrol.design.tuned_gains import TunedGains
 from phcontrol.exceptions import InvalidArgumentError, PHControlError, UnknownNameError
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.simulation.closed_loop import simulate
+from phcontrol.simulation.simulate_many import simulate_many
 
 _REFUSED = 1e30  # in place of infinity, with which a search cannot calculate
 _FIRST = 0.4  # of the logarithm of a factor: the search's first step
@@ -30,7 +34,7 @@ Runner = Callable[[Controller, Any], Any]
 def tune(
     controller: Controller | str,
     objective: Callable[[Any], float],
-    over: Iterable[Any],
+    over: Iterable[Any] | DrawnLoops,
     *,
     system: MechanicalSystem | None = None,
     goal: Any = None,
@@ -55,7 +59,9 @@ def tune(
     Args:
         controller: the law to begin with, or the name of one, with ``system`` and ``goal``.
         objective: of what ``run`` returns; smaller is better.
-        over: the scenarios: for the default ``run`` dictionaries of keyword arguments of :func:`simulate`.
+        over: the scenarios: for the default ``run`` dictionaries of keyword arguments of :func:`simulate`; or a
+            :class:`Sweep`, each of whose runs is one, with the law that is tuned in place of its own. They are
+            simulated compiled where that is possible.
         system: the model of the arm, for a name.
         goal: for a name.
         gains: which arguments are tuned; by default all positive definite gains that the law has.
@@ -70,7 +76,8 @@ def tune(
         seed: of the evolution.
 
     Raises:
-        InvalidArgumentError: no scenarios, no gains, or the gains to begin with are refused.
+        InvalidArgumentError: no scenarios, no gains, a sweep that varies gains or is of another law or arm, or the
+            gains to begin with are refused.
 
     Example:
         >>> import numpy as np
@@ -85,7 +92,10 @@ def tune(
         True
     """
     law = _law(controller, system, goal)
-    scenarios = list(over)
+    if isinstance(over, DrawnLoops):
+        scenarios, run = _drawn(law, over), run or _compiled
+    else:
+        scenarios = list(over)
     if not scenarios:
         raise InvalidArgumentError("over", "has no scenarios")
     choice("combine", combine, ("mean", "max"))
@@ -226,6 +236,30 @@ def _bounds(bounds: Any) -> tuple[float, float]:
     if both.shape != (2,) or not 0.0 < both[0] <= 1.0 <= both[1] or both[0] == both[1]:
         raise InvalidArgumentError("bounds", f"must be two factors about 1, like (0.1, 10), but are {bounds}")
     return float(np.log(both[0])), float(np.log(both[1]))
+
+
+def _drawn(law: Controller, sweep: DrawnLoops) -> list[Any]:
+    """Return the runs of a sweep without their law, which must be one of the same kind, arm and goal in all."""
+    loops = [sweep.loop(run) for run in range(sweep.runs)]
+    own = [loop.pop("controller") for loop in loops]
+    if any(each is not own[0] for each in own):
+        raise InvalidArgumentError("over", "varies gains of the law, and those are what is tuned")
+    first, arm = own[0], own[0].system.robot
+    if first.name != law.name or arm.joint_names != law.system.robot.joint_names:
+        raise InvalidArgumentError(
+            "over", f"is of {first.name} on {arm.name}, and what is tuned is {law.name} on {law.system.robot.name}"
+        )
+    return loops
+
+
+def _compiled(law: Controller, scenario: Any) -> Any:
+    """Return the log of a run of a sweep. Raises PHControlError where it failed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CompilationWarning)
+        (outcome,) = simulate_many(**scenario, controller=law, workers=1, progress=False)
+    if outcome.error:
+        raise PHControlError(outcome.error)
+    return outcome.value
 
 
 def _simulated(law: Controller, scenario: Any) -> Any:

@@ -169,23 +169,14 @@ def test_friction_limits_by_how_much_forces_are_amplified():
 
 
 RESTING = ["energy_shaping", "force_feedback", "force_feedback_measured", "integral_action", "total_force_rejection",
-           "impedance_grasping", "classical_impedance", "adaptive_payload", "cartesian_impedance",
-           "cartesian_impedance_with_tank"]  # fmt: skip
+           "impedance_grasping", "classical_impedance"]  # fmt: skip
+"""Laws all of whose modes come to rest: no tank, no estimate, no motion that leaves a hand alone."""
 SLOWEST = 3.0  # [s]
 
 
 def slowest(system, law):
-    """Return the slowest mode that comes to rest [s]; others stay where they are by intention.
-
-    What stays: the motions of a redundant arm that leave its hand alone, a tank's level, and what of a load is not to
-    be told apart at rest.
-    """
-    found = linearize(make_controller(law, system), system, exact=False)
-    assert (found.eigenvalues.real - found.uncertainty <= 0.0).all()
-    staying = [mode for mode in found.spectrum if not np.isfinite(mode.time_constant)]
-    if law in RESTING[:7]:
-        assert not staying
-    return max(mode.time_constant for mode in found.spectrum if np.isfinite(mode.time_constant))
+    """Return the slowest mode of the loop about its rest [s]."""
+    return max(mode.time_constant for mode in linearize(make_controller(law, system), system, exact=False).spectrum)
 
 
 @pytest.mark.study
@@ -195,8 +186,6 @@ def slowest(system, law):
 def test_no_default_gains_are_slower_than_3_s(name, law):
     bare = name.removesuffix(" without rotors")
     system = arm(name) if bare == name else MechanicalSystem(load_robot(bare))
-    if CONTROLLERS[law].minimum_joints > system.n:
-        pytest.skip("needs more joints")
     assert slowest(system, law) <= SLOWEST
 
 

@@ -12,10 +12,12 @@ from phcontrol import (
     InvalidArgumentError,
     MechanicalSystem,
     PHControlError,
+    Sweep,
     UnknownNameError,
     linearize,
     load_robot,
     make_controller,
+    simulate,
     tune,
 )
 from tests.controllers.arms import chain
@@ -129,3 +131,36 @@ def test_what_makes_no_sense_is_refused(shoulder):
         tune(law, nothing, [3.0])
     with pytest.raises(InvalidArgumentError, match="begins with gains that are refused"):
         tune(law, nothing, [{"duration": 0.1}], period=10.0)
+
+
+SWEEP = {
+    "arm": {"robot": "pera_shoulder", "friction": {"viscous": 0.5}},
+    "law": {"name": "energy_shaping", "goal": [0.3, 0.5]},
+    "run": {"duration": 0.3, "dt": 2e-3},
+    "vary": {"payload_mass": {"uniform": [0.0, 0.5]}, "initial_offset.each": {"uniform": [-0.2, 0.2]}},
+    "sampling": {"method": "random", "runs": 4, "seed": 3},
+    "measures": ["final_error"],
+}
+
+
+def test_it_tunes_over_the_runs_of_a_sweep():
+    """Each trial has the runs of the sweep, drawn once; the value of the best is that of its law simulated by hand."""
+    sweep = Sweep(**SWEEP)
+
+    def error(log):
+        return float(np.abs(log.position[-1] - [0.3, 0.5]).max())
+
+    found = tune(sweep.nominal.law, error, sweep, evaluations=12)
+    assert found.value < 0.8 * found.start_value
+    by_hand = [error(simulate(**(sweep.loop(run) | {"controller": found.law}))) for run in range(4)]
+    assert found.value == pytest.approx(np.mean(by_hand), rel=1e-9)
+    begun = [error(sweep.replay(run)) for run in range(4)]
+    assert found.start_value == pytest.approx(np.mean(begun), rel=1e-9)
+
+
+def test_a_sweep_of_gains_or_of_another_law_is_refused(shoulder):
+    gains = Sweep(**(SWEEP | {"vary": {"gain_factor.stiffness": {"uniform": [0.5, 2.0]}}}))
+    with pytest.raises(InvalidArgumentError, match="over: varies gains of the law"):
+        tune(gains.nominal.law, float, gains)
+    with pytest.raises(InvalidArgumentError, match="is of energy_shaping on pera_shoulder, and what is tuned is force"):
+        tune("force_feedback", float, Sweep(**SWEEP), system=shoulder)

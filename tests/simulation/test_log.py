@@ -25,7 +25,9 @@ from tests.log_files import contents, sealed, text
 @pytest.fixture(scope="module")
 def log():
     system = MechanicalSystem(load_robot("pera_shoulder_elbow"), friction=StribeckFriction(viscous=0.5))
-    controller = make_controller("force_feedback_measured", system, goal=[0.4, -0.3, 0.5], bandwidth=4.0)
+    goal = [0.4, -0.3, 0.5]
+    M = system.at(goal).mass_matrix  # gentle gains: the differences of samples 1 ms apart must see all that moves
+    controller = make_controller("force_feedback_measured", system, goal, stiffness=16.0 * M, damping=8.0 * M)
 
     def force(t, x):
         return np.array([np.sin(3.0 * t), 1.0, -np.cos(t)])
