@@ -31,7 +31,7 @@ _SEEN = 1e7  # times the rounding of a rate, of which a millionth is seen
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
 _NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
 _SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
-_SOON = 1e-2  # when a state of the law has begun to damp [s]
+_SOON = (1e-2, 1e-1, 1.0)  # when a state of the law has begun to damp, of fast loops and of slow ones [s]
 _ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding
 
 
@@ -215,8 +215,12 @@ def _idleness_soon(flow: Flow, target: Promise) -> float:
     idleness = _idleness(seen, target)
     if idleness > IDLE or not seen.law.state_size or seen.law.eyes is not None:
         return idleness
-    later = flow.seen(_SOON)
-    return max(idleness, _idleness(later, later.promise()))
+    for shift in _SOON:
+        later = flow.seen(shift)
+        idleness = max(idleness, _idleness(later, later.promise()))
+        if idleness > IDLE:
+            break
+    return idleness
 
 
 def _idleness(seen: Seen, target: Promise) -> float:
