@@ -31,7 +31,7 @@ _SEEN = 1e7  # times the rounding of a rate, of which a millionth is seen
 _LEAST_SCALE = 1e-3  # of these, below which a row's terms are not taken for its unit
 _NOTHING = 1e-200  # of an entry of R that is no damping but a rounding
 _SLOW = 1e-3  # below which a motion's losses are no more to be told from rounding [rad/s]
-_SOON = 1e-2  # when a state of the law has begun to damp [s]
+_SOON = (1e-2, 1e-1, 1.0)  # when a state of the law has begun to damp, of fast loops and of slow ones [s]
 _ROUNDING = 1e-9  # of the largest term anywhere, the least unit of a row: a millionth of that is rounding
 
 
@@ -115,7 +115,7 @@ def examine(law: Controller, plant: MechanicalSystem, at: SampledState) -> State
         has_drive=bool(target.signal.size),
         drive=float(np.abs(driven).max(initial=0.0)),
         stored=seen.stored(),
-        idleness=_idleness_soon(flow, target),
+        idleness=_idleness_soon(seen, target),
         mislabelled=_relative(np.abs(seen.coordinates() - target.coordinates), np.abs(target.coordinates)),
         drive_power=float(target.gradient @ driven),
         moves_momentum=_momentum_driven(seen, target),
@@ -206,17 +206,21 @@ def _relative(error: Array, scale: Array) -> float:
         return float((error[error > 0.0] / scale[error > 0.0]).max(initial=0.0))
 
 
-def _idleness_soon(flow: Flow, target: Promise) -> float:
+def _idleness_soon(seen: Seen, target: Promise) -> float:
     """Return the idleness at the state itself; of a law that damps by a state of its own what it is a little later.
 
     Such a state may stand, for an instant, where it damps nothing: as a spring and a damper in a row do.
     """
-    seen = flow.start
     idleness = _idleness(seen, target)
     if idleness > IDLE or not seen.law.state_size or seen.law.eyes is not None:
         return idleness
-    later = flow.seen(_SOON)
-    return max(idleness, _idleness(later, later.promise()))
+    at, state_rate = seen.at, seen.command().state_rate
+    for shift in _SOON:  # at the same velocity: a large f_e would hide what is lost in what it brings
+        later = seen.elsewhere(position=at.position + shift * at.velocity, state=at.state + shift * state_rate)
+        idleness = max(idleness, _idleness(later, later.promise()))
+        if idleness > IDLE:
+            break
+    return idleness
 
 
 def _idleness(seen: Seen, target: Promise) -> float:

@@ -19,6 +19,9 @@ from phcontrol import (
     load_robot,
 )
 from phcontrol.analysis.flow import Flow
+from phcontrol.analysis.lines import largest_jump, lines_of
+from phcontrol.analysis.natural_units import NaturalUnits
+from phcontrol.analysis.rest_point import find_rest
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.state_sampler import beside_switches
 from tests.analysis.test_fourth_round import failed
@@ -197,14 +200,57 @@ class Undamped(Lagging):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_damping_by_a_state_of_the_law_is_damping(seed):
     """Where its spring is not stretched it takes nothing, for an instant."""
-    system = MechanicalSystem(load_robot("double_pendulum"))
+    system = MechanicalSystem(load_robot("asr_twodof"))
     certificate = certify(Lagging.tuned(system), seed=seed)
     assert certificate.passed, str(certificate)
 
 
 def test_a_state_that_damps_nothing_is_none():
-    certificate = certify(Undamped.tuned(MechanicalSystem(load_robot("double_pendulum"))))
+    certificate = certify(Undamped.tuned(MechanicalSystem(load_robot("asr_twodof"))))
     assert "least dissipation in motion [1/s]" in failed(certificate)
+
+
+# --- rounding near the goal ------------------------------------------------------------------------------------
+
+
+class Cosines(Controller):
+    """A spring k sin(q̃) whose energy k(1 − cos q̃) is a difference of large numbers near the goal."""
+
+    name = "cosines"
+    goal: Vector = Vector("q_d", "rad", tuned=lambda tuning: tuning.goal)
+    stiffness: Gain = Gain("K", "N·m/rad", tuned=lambda tuning: tuning.stiffness)
+    damping: Gain = Gain("C", "N·m·s/rad", tuned=lambda tuning: tuning.damping)
+    step = 0.0
+
+    def storage(self, t, x, state, measured=NOTHING):
+        error = x.position - self.goal
+        more = self.step * (abs(error[0]) > 1e-4)
+        return x.kinetic_energy + self.stiffness.diagonal() @ (1.0 - np.cos(error)) + more
+
+    def target(self, t, x, state, measured=NOTHING):
+        error = x.position - self.goal
+        pull = self.stiffness.diagonal() * np.sin(error)
+        return Target.mechanical(x, self.interconnection, error=error, gradient=pull, damping=self.damping)
+
+
+class SteppedCosines(Cosines):
+    """The same with a step of H_d that is small beside all but rounding."""
+
+    step = 1e-9
+
+
+def jump_towards_rest(law):
+    system, nothing = law.system, np.zeros(0)
+    units, rest = NaturalUnits.of(law, system, 0.0), find_rest(law, system, NaturalUnits.of(law, system, 0.0), 0.0)
+    still = np.zeros(system.n)
+    states = [SampledState(0.0, law.goal + 0.1 * k, still, nothing, still, None, "") for k in range(256)]
+    return largest_jump([line for line in lines_of(law, system, units, rest, states) if line.into_rest]).value
+
+
+def test_rounding_near_the_goal_is_no_jump():
+    system = make_system("ur5")
+    assert jump_towards_rest(Cosines.tuned(system)) == 0.0
+    assert jump_towards_rest(SteppedCosines.tuned(system)) > 1e-4
 
 
 # --- what a law says of itself ---------------------------------------------------------------------------------
