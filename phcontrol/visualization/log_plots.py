@@ -46,9 +46,9 @@ class LogPlots:
         """Return axes to draw the joints into; those of a figure of its own have a legend below."""
         if axes is not None:
             return axes
-        own = _axes(None)
-        plots.joints_legend(own.get_figure(root=True), self._log)
-        return own
+        figure = _figure()
+        plots.joints_legend(figure, self._log)
+        return figure.subplots()
 
     @property
     def _robot(self) -> Robot:
@@ -160,8 +160,10 @@ def _largest(torque: Array, limits: Array) -> Array:
 
 
 def _axes(axes: Axes | None) -> Axes:
-    if axes is not None:
-        return axes
+    return _figure().subplots() if axes is None else axes
+
+
+def _figure() -> Figure:
     pyplot = sys.modules.get("matplotlib.pyplot")
     figure: Figure = Figure(layout="constrained") if pyplot is None else pyplot.figure(layout="constrained")
-    return figure.subplots()
+    return figure
