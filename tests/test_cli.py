@@ -16,6 +16,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ import typer
 from typer.testing import CliRunner
 
 from phcontrol import Log, load_robot
-from phcontrol.cli import app
+from phcontrol.cli import app, application
 from phcontrol.cli.application import Commands
 from phcontrol.controllers.registry import CONTROLLERS, laws_for
 from tests.browser import run_of
@@ -943,3 +944,13 @@ def test_analyze_takes_what_an_arm_carries_and_shows_no_rounding(tmp_path):
     row = {"uncertainty": 1e-9, "frequency": 0.0, "damping_ratio": None, "time_constant": None, "joints": {"j": 1.0}}
     facts = plain | {"modes": [row | {"eigenvalue": [1.2e-16, 0.0], "own_states": 0.0}], "steps": []}
     assert lines_of(facts)[2].split()[0] == "0"
+
+
+def test_a_warning_is_one_line_without_our_code(monkeypatch, capsys):
+    """Python would say in which of our files it was made, and print the line of code."""
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    monkeypatch.setattr(application, "app", lambda: warnings.warn("an arm\nwith a \x1b[1m mesh", UserWarning, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        application.main()
+    assert capsys.readouterr().err == "warning: an arm with a ?[1m mesh\n"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -101,3 +103,18 @@ def test_nothing_is_written_where_something_is_or_for_an_arm_that_is_none(tmp_pa
     assert init(Path("deep", "under", "there"), "--robot", "ur5").exit_code == 0  # below the working directory
     assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "file", "full"]
     assert [path.name for path in Path("full").iterdir()] == ["mine.txt"]
+
+
+def test_an_arm_that_needs_rotors_is_asked_for_them_and_its_project_has_them(tmp_path, monkeypatch):
+    """Friction without rotors is too stiff: the project's own test used to diverge."""
+    monkeypatch.chdir(tmp_path)
+    refused = init("mine", "--robot", "xarm7")
+    assert refused.exit_code == 2
+    assert "--armature" in refused.output
+    assert "must be given for xarm7, 0.05 for instance" in refused.output
+    assert not Path("mine").exists()
+    result = init("mine", "--robot", "xarm7", "--armature", "0.05")
+    assert result.exit_code == 0, result.output
+    arm = runpy.run_path("mine/arm.py")
+    np.testing.assert_allclose(arm["make_system"]().robot.model.armature, 0.05)
+    assert "--armature 0.05,0.05" in Path("mine", "README.md").read_text()

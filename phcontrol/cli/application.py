@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import sys
+import warnings
 from typing import Annotated, ClassVar
 
 import typer
 
 from phcontrol._version import __version__
 from phcontrol.cli.command import plain_app
-from phcontrol.cli.errors import DEBUG
+from phcontrol.cli.errors import DEBUG, say_warning
 from phcontrol.cli.lazy_group import LazyGroup, Listed
 
 
@@ -97,6 +98,7 @@ def version_option(
 
 def main() -> None:
     """Entry point of the ``phcontrol`` command."""
+    warnings.showwarning = say_warning
     try:
         app()
     except BrokenPipeError:  # the reader of our output has gone

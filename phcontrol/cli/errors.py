@@ -48,6 +48,11 @@ def say_error(message: str) -> None:
     typer.echo(f"error: {_one_line(message)}", err=True)
 
 
+def say_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """Print a warning in one line on stderr, without where in our code it was made: for ``warnings.showwarning``."""
+    typer.echo(f"warning: {_one_line(str(message))}", err=True)
+
+
 def _one_line(text: str) -> str:
     """Return a message in one line, without what a terminal would obey: parts of it may come from a file."""
     return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))

@@ -15,12 +15,15 @@ SOURCE = {quoted}
 """A name that ``phcontrol robots`` lists, or the path of a URDF, MJCF or xacro file from this folder."""
 LOCKED: list[str] = {locked}
 """Joints that stay where they are at home, fingers for instance."""
+ARMATURE: list[float] | None = {rotors}
+"""Reflected inertia of the rotors, one each joint [kg m²]; None for those of the description."""
 
 
 def make_system() -> MechanicalSystem:
     """Return the plant: the arm with its friction."""
     beside = Path(__file__).parent / SOURCE
-    return MechanicalSystem(load_robot(str(beside) if beside.is_file() else SOURCE, locked_joints=LOCKED))
+    source = str(beside) if beside.is_file() else SOURCE
+    return MechanicalSystem(load_robot(source, locked_joints=LOCKED, armature=ARMATURE))
 '''
 
 LAW = '''"""A law of your own: a storage function, and the port-Hamiltonian system that the closed loop will be."""
@@ -116,7 +119,9 @@ _NOTEBOOK = (
 )
 
 
-def files_of(title: str, robot: str, source: str, locked: list[str]) -> dict[str, str]:
+def files_of(
+    title: str, robot: str, source: str, locked: list[str], rotors: list[float] | None = None
+) -> dict[str, str]:
     """Return the text of each file of a project by its name.
 
     Args:
@@ -124,10 +129,13 @@ def files_of(title: str, robot: str, source: str, locked: list[str]) -> dict[str
         robot: what the arm is called.
         source: a name that ``load_robot`` knows, or a path from the project's folder.
         locked: joints that stay at home.
+        rotors: their reflected inertias, one each joint [kg m²]; None for those of the description.
     """
     argument = source if " " not in source else f"'{source}'"
     lock = "".join(f" --lock {joint}" for joint in locked)
+    lock += "" if rotors is None else f" --armature {','.join(map(str, rotors))}"
     values = {"title": title, "robot": robot, "source": source, "quoted": json.dumps(source, ensure_ascii=False)}
+    values |= {"rotors": repr(rotors)}
     values |= {"locked": json.dumps(locked, ensure_ascii=False), "argument": argument, "lock": lock}
     return {
         "arm.py": ARM.format(**values),

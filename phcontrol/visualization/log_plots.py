@@ -46,11 +46,17 @@ class LogPlots:
         """Return axes to draw the joints into; those of a figure of its own have a legend below."""
         if axes is not None:
             return axes
+<<<<<<< HEAD
         own = _axes(None)
         figure = own.get_figure(root=True)
         if figure is not None:
             plots.joints_legend(figure, self._log)
         return own
+=======
+        figure = _figure()
+        plots.joints_legend(figure, self._log)
+        return figure.subplots()
+>>>>>>> pages
 
     @property
     def _robot(self) -> Robot:
@@ -162,8 +168,10 @@ def _largest(torque: Array, limits: Array) -> Array:
 
 
 def _axes(axes: Axes | None) -> Axes:
-    if axes is not None:
-        return axes
+    return _figure().subplots() if axes is None else axes
+
+
+def _figure() -> Figure:
     pyplot = sys.modules.get("matplotlib.pyplot")
     figure: Figure = Figure(layout="constrained") if pyplot is None else pyplot.figure(layout="constrained")
-    return figure.subplots()
+    return figure
