@@ -114,8 +114,11 @@ def main() -> None:
                 with server(options.server, options.mjcf):
                     ended = outcome(system, seed, stiffness, start_time, filtered)
                 finished[filtered] += ended.startswith("finished")
-                print(f"{'with' if filtered else 'without'} filter, {stiffness:.0f} M_ii, start_time {start_time}, "
-                      f"seed {seed}: {ended}", flush=True)
+                print(
+                    f"{'with' if filtered else 'without'} filter, {stiffness:.0f} M_ii, start_time {start_time}, "
+                    f"seed {seed}: {ended}",
+                    flush=True,
+                )
     print(f"finished: {finished[True]} of {len(cases)} with the filter, {finished[False]} without")
 
 

@@ -46,17 +46,9 @@ class LogPlots:
         """Return axes to draw the joints into; those of a figure of its own have a legend below."""
         if axes is not None:
             return axes
-<<<<<<< HEAD
-        own = _axes(None)
-        figure = own.get_figure(root=True)
-        if figure is not None:
-            plots.joints_legend(figure, self._log)
-        return own
-=======
         figure = _figure()
         plots.joints_legend(figure, self._log)
         return figure.subplots()
->>>>>>> pages
 
     @property
     def _robot(self) -> Robot:
