@@ -1,4 +1,4 @@
-"""Large steps under stiff gains on franka-sim, which aborts as the robot's own reflexes do: with the filter, and without.
+"""Large steps under stiff gains on franka-sim, which aborts as the robot's reflexes do: with the filter and without.
 
     python -m venv servers && servers/bin/pip install franka-sim        # its NumPy is another
     python benchmarks/franka_stress.py --server servers/bin/python --mjcf fr3.xml --urdf fr3.urdf
