@@ -41,7 +41,7 @@ def report(results: Mapping[str, Any]) -> str:
             *certificate_table(results["certificates"]),
             *errata_and_readings(),
             *provenance(results),
-            "</main>\n</body>\n</html>\n",
+            "</div>\n</main>\n</body>\n</html>\n",
         ]
     )
 
@@ -50,7 +50,7 @@ def _head(results: Mapping[str, Any]) -> Iterable[str]:
     claims = [claim for study in results["studies"] for claim in study["claims"]]
     rows = [row for row in results["certificates"] if "passed" in row]
     theirs, ours, measured = Tally.of_the_thesis(claims), Tally.of_ours(claims), Tally.of_stand_ins(claims)
-    yield "<h1>The thesis, reproduced</h1>"
+    yield "<main>\n<h1>The thesis, reproduced</h1>"
     yield (
         '<p class="lead">Every figure and statement of M. Muñoz Arias, <i>Energy-based control design for mechanical '
         "systems</i> (Groningen 2015) that can be simulated, run again. A statement is counted once, under its best "
@@ -82,7 +82,7 @@ def _head(results: Mapping[str, Any]) -> Iterable[str]:
     for name, text in FILTERS.items():
         checked = " checked" if name == "all" else ""
         yield f'<input type="radio" name="show" id="only-{name}"{checked}><label for="only-{name}">{text}</label>'
-    yield "<main>"
+    yield '<div class="studies">'
 
 
 def _bar(tally: Tally) -> Iterable[str]:
