@@ -56,7 +56,7 @@ def test_a_law_runs_over_the_robots_protocol_and_nothing_aborts(address, law):
     assert done.returncode == 0, done.stdout + done.stderr
     rate = int(re.search(r"largest rate \[N·m/s\]: (\d+)", done.stdout).group(1))
     assert rate <= 1000
-    assert "'readings': 5501" in done.stdout
+    assert "'readings': 5500" in done.stdout
     error = re.search(r"error \[rad\]: [\d.]+ at most, ([\d.]+) at the end", done.stdout)
     if error is not None:  # dry friction of 1.1 N·m in each joint, of which the law knows nothing
         assert float(error.group(1)) < 0.2
