@@ -3,8 +3,8 @@
     make test-all COSTS=costs.jsonl            # one line a case: wall and processor seconds
     python -m tests.costs costs.jsonl          # writes tests/long_cases.txt
 
-Cases in that list are marked ``study``. The longest are left out first; the quickest of each test counts as much shorter
-than it is, so that what is swept over arms, laws and forms is still seen for one of them.
+Cases in that list are marked ``study``. The longest are left out first; the quickest of each test counts as much
+shorter than it is, so that what is swept over arms, laws and forms is still seen for one of them.
 """
 
 from __future__ import annotations
