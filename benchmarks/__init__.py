@@ -1,0 +1,1 @@
+"""Timings in turns with references, and what tests share with them."""
