@@ -22,6 +22,7 @@ from phcontrol import (
     FrankaArm,
     Limits,
     MechanicalSystem,
+    MinimumJerk,
     Motion,
     TorqueFilter,
     TrajectoryTracking,
@@ -29,6 +30,7 @@ from phcontrol import (
     exciting_trajectory,
     identify,
     load_robot,
+    make_controller,
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
@@ -57,7 +59,6 @@ def run(address, system, make, seconds):
 
 def home(address, system, posture):
     """Bring the arm to a posture by integral action."""
-    from phcontrol import MinimumJerk, make_controller
 
     def make(start):
         way = MinimumJerk.within_limits(system.robot, start, posture)

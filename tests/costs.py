@@ -29,7 +29,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    long = set(LONG.read_text(encoding="utf-8").split("\n")) if LONG.is_file() else set()
+    long = listed()
     for item in items:
         if item.nodeid in long:
             item.add_marker(pytest.mark.study)
@@ -51,6 +51,11 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
             file.write(line + "\n")
 
 
+def listed() -> set[str]:
+    """Return the cases that are left out."""
+    return set(LONG.read_text(encoding="utf-8").splitlines()) if LONG.is_file() else set()
+
+
 def _processor_time() -> float:
     """Return what this process and those that it waited for have taken [s]."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -59,7 +64,7 @@ def _processor_time() -> float:
 
 def long_cases(lines: list[dict[str, object]], budget: float, measure: str) -> list[str]:
     """Return the cases to leave out, the longest first, so that the rest takes no more than the budget [s]."""
-    already = set(LONG.read_text(encoding="utf-8").split("\n")) if LONG.is_file() else set()
+    already = listed()
     costs = {
         str(line["case"]): float(str(line[measure])) for line in lines if not line["study"] or line["case"] in already
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -14,6 +13,7 @@ from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.sampled_state import SampledState
 from phcontrol.analysis.seen import Seen
 from phcontrol.analysis.thin_states import ThinStates
+from phcontrol.controllers.aging import within_phase
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import ObjectLostError
 from phcontrol.mechanics.robot import Robot
@@ -271,11 +271,7 @@ def some(states: Sequence[SampledState], count: int, n: int) -> Sequence[Sampled
 
 def clear_of_switches(law: Controller, time: float) -> float:
     """Return a time at least 5 ms from where another law takes over, or in the middle between: for differences."""
-    starts = (*law.phases, math.inf)
-    phase = max(0, bisect_right(starts, time) - 1)
-    start, end = starts[phase], starts[phase + 1]
-    room = min(FIRST_TIME, 0.5 * (end - start))
-    return min(max(time, start + room if law.time_span else start), end - room)
+    return within_phase(law.phases, time, FIRST_TIME if law.time_span else 0.0, FIRST_TIME)
 
 
 def beside_switches(law: Controller, states: Sequence[SampledState]) -> list[SampledState]:

@@ -37,7 +37,7 @@ def aging(
         gradient: ∇H_d there.
         step: of the differences [s].
     """
-    time = _within_phase(law.phases, t, step)
+    time = within_phase(law.phases, t, 2.0 * step, 3.0 * step)  # the next law acts from its time on
 
     def there(shift: float) -> Array:
         energy = stored(law, time + shift, x, state, measured)
@@ -47,8 +47,9 @@ def aging(
     return float(rates[0] - gradient @ rates[1:])
 
 
-def _within_phase(phases: Sequence[float], t: float, step: float) -> float:
+def within_phase(phases: Sequence[float], t: float, after: float, before: float) -> float:
+    """Return the time nearest to t that is so long after the start of its phase and before its end, or between [s]."""
     k = bisect_right(phases, t)
-    begin = phases[max(0, k - 1)] + 2.0 * step
-    end = phases[k] - 3.0 * step if k < len(phases) else math.inf  # the next law acts from its time on
+    begin = phases[max(0, k - 1)] + after
+    end = phases[k] - before if k < len(phases) else math.inf
     return max(begin, min(t, end)) if begin <= end else 0.5 * (begin + end)

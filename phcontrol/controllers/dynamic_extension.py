@@ -63,18 +63,15 @@ class DynamicExtension(JointDampedLaw):
         made = super().default_gains(system, goal, given=given, **desired)
         if cls.poles is None or all(value is None for value in desired.values()):
             return made
-        for name in ("potential", "integral_compliance", *cls.poles.kinds, "coupling"):
+        for name in cls.poles.arguments():
             if given.get(name) is not None:
                 raise InvalidArgumentError(
                     name, f"is what a bandwidth places the poles of {cls.name} with: leave out {name}, or the bandwidth"
                 )
         tuning = cls.tuning(system, goal, **desired)
         x = system.at(tuning.posture)
-        gains = placed_matrices(
-            cls.poles(tuning.bandwidth, tuning.damping_ratio), x.mass_matrix, x.damping_matrix
-        ).gains
-        inverse = np.linalg.inv(x.input_matrix)
-        return made | gains | {"damping": inverse @ gains["damping"] @ inverse.T}
+        poles = cls.poles(tuning.bandwidth, tuning.damping_ratio)
+        return made | placed_matrices(poles, x.mass_matrix, x.damping_matrix, x.input_matrix).gains
 
     def prepare(self) -> None:
         """Compute Y and K_z⁻¹."""

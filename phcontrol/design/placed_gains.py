@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh
 
 from phcontrol.controllers.cartesian_law import CartesianLaw
 from phcontrol.controllers.classical_impedance import ClassicalImpedance
@@ -64,17 +63,15 @@ def placed_gains(
             "controller",
             f"'{problem.name}' is none of the laws whose poles are placed ({known}): tune() looks for gains of any law",
         )
-    for name in ("potential", "integral_compliance", *kind.kinds, "coupling"):
+    for name in kind.arguments():
         if problem.options.get(name) is not None:
             raise InvalidArgumentError(name, f"is what the poles of {problem.name} are placed with: leave it out")
     poles = kind(bandwidth, damping_ratio, further)
     inertia, friction = problem.state.mass_matrix, problem.friction
     if issubclass(law, _FRICTIONLESS):
         friction = np.zeros_like(friction)
-    gains, found = placed_matrices(poles, inertia, friction, diagonal=diagonal)
-    if not issubclass(law, ClassicalImpedance):  # whose damping acts on the joints themselves
-        inverse = np.linalg.inv(problem.state.input_matrix)
-        gains["damping"] = inverse @ gains["damping"] @ inverse.T
+    through = None if issubclass(law, ClassicalImpedance) else problem.state.input_matrix
+    gains, found, damped = placed_matrices(poles, inertia, friction, through, diagonal=diagonal)
     placed = np.concatenate([each.poles for each in found])
     notes, exact = [], all(each.exact for each in found)
     if diagonal:
@@ -83,8 +80,7 @@ def placed_gains(
     elif problem.system.robot.continuous.any():
         notes.append("K_p couples continuous joints to others: H_d jumps where one is half a turn off its goal")
     if not exact:
-        fastest = float(eigh(friction, inertia, eigvals_only=True)[-1])
-        least = fastest / (2.0 * poles.damping_ratio)
+        least = float(damped.max()) / (2.0 * poles.damping_ratio)
         notes.append(
             f"in {sum(not each.exact for each in found)} of {len(found)} directions the friction around rest alone "
             f"damps more than is desired (not from {least:.3g} rad/s on): there the slower pole is put where it should "

@@ -42,6 +42,11 @@ class Poles(ABC):
         self.damping_ratio = positive("damping_ratio", damping_ratio)
         self.further = positive("further", further)
 
+    @classmethod
+    def arguments(cls) -> tuple[str, ...]:
+        """Return the arguments of a law that the poles are placed with: none of them can be given beside."""
+        return ("potential", "integral_compliance", *cls.kinds, "coupling")
+
     @property
     def pair(self) -> list[float]:
         """λ² + 2ζωλ + ω², highest power first."""

@@ -207,17 +207,16 @@ def test_integral_action_carries_an_unknown_load_along(shoulder):
     assert errors["integral_action"] < errors["energy_shaping"] / 50.0
 
 
-def test_a_bend_close_to_a_singularity_is_no_kink():
-    """Of a frame's path the reference turns within 0.5 % of a chord; the certificate took it for a kink of H_d."""
-    system = make_system("pera_shoulder_elbow")
-    names = ("energy_shaping", "free direction", "figure of eight")
-    composed = next(c for c in compositions(system) if (c.law, c.potential, c.reference) == names)
-    check(composed, system, "coriolis", 32)
+SEEN = {
+    # of a frame's path the reference turns within 0.5 % of a chord; the certificate took it for a kink of H_d
+    "a bend close to a singularity": ("energy_shaping", "free direction", "figure of eight"),
+    # two singular values of the hand's Jacobian cross on a chord, where the damping had no derivative
+    "weak directions change places": ("force_feedback_measured", "frame spring", "frame line"),
+}
 
 
-def test_weak_directions_that_change_places_make_no_kink():
-    """Two singular values of the hand's Jacobian cross on a chord, where the damping had no derivative."""
+@pytest.mark.parametrize("names", SEEN.values(), ids=SEEN)
+def test_what_was_taken_for_a_kink_or_was_one_is_none(names):
     system = make_system("pera_shoulder_elbow")
-    names = ("force_feedback_measured", "frame spring", "frame line")
     composed = next(c for c in compositions(system) if (c.law, c.potential, c.reference) == names)
     check(composed, system, "coriolis", 32)
