@@ -12,6 +12,7 @@ Peers that are not installed (extra ``peers``) are left out, and a line says so.
 from __future__ import annotations
 
 import argparse
+import gc
 import importlib.util
 import time
 from collections.abc import Callable
@@ -25,7 +26,7 @@ from reference import closed_loop, energy_shaping
 
 from phcontrol import MechanicalSystem, make_controller, simulate
 
-DT, DURATION = 1e-3, 2.0
+DT, DURATION = 1e-3, 10.0
 _TAKEN = 0.2  # of a velocity in a step, by a damping that is chosen for a long chain
 PEERS = {"mujoco": "mujoco", "drake": "pydrake"}
 """Packages and their modules."""
@@ -124,6 +125,7 @@ def measured_runs(ways: dict[str, Way], steps: int, repeats: int) -> dict[str, d
     rates: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(repeats):
         for name, way in ways.items():
+            gc.collect()  # no row pays for what others left
             start = time.process_time()
             way.run()
             rates[name].append(steps * DT / (time.process_time() - start))

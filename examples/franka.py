@@ -1,7 +1,7 @@
 """A law on a Franka Research 3, real or simulated: the same commands for both.
 
     pip install 'phcontrol[franka]'
-    pip install franky-sim && franky-sim           # in another environment: prints the simulated robot's address
+    pip install franky-sim && franky-sim -s mujoco  # in another environment: prints the simulated robot's address
     python examples/franka.py 127.0.0.1 --urdf fr3.urdf [--law tracking] [--seconds 20]
 
 The arm goes half a radian's way and back, or swings, within the documented limits of the robot. ``fr3.urdf`` is your
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from phcontrol import (
+    ArmDriver,
     ArmError,
     CartesianImpedance,
     Controller,
@@ -24,6 +25,8 @@ from phcontrol import (
     Limits,
     MechanicalSystem,
     MinimumJerk,
+    MomentumObserver,
+    ObservedArm,
     Pose,
     Sinusoid,
     TorqueFilter,
@@ -36,7 +39,17 @@ from phcontrol import (
 PERIOD = 1e-3  # [s]
 ROTORS = 0.195  # reflected inertia of each joint's motor [kg m²], as in MuJoCo's model of the arm
 WAY = np.array([0.3, -0.2, 0.3, -0.2, 0.3, 0.2, 0.3])  # [rad]
-LAWS = ("energy_shaping", "force_feedback", "integral_action", "tracking", "cartesian_impedance")
+LAWS = (
+    "energy_shaping",
+    "force_feedback",
+    "force_feedback_measured",
+    "integral_action",
+    "total_force_rejection",
+    "adaptive_payload",
+    "classical_impedance",
+    "tracking",
+    "cartesian_impedance",
+)
 
 
 def make_law(name: str, system: MechanicalSystem, start: np.ndarray) -> tuple[Controller, Trajectory | None]:
@@ -53,6 +66,11 @@ def make_law(name: str, system: MechanicalSystem, start: np.ndarray) -> tuple[Co
         way = Sinusoid(0.5 * WAY, 0.2, offset=start + 0.5 * WAY)
         return make_controller(name, system, trajectory=way), way
     return make_controller(name, system, start + WAY, reference=way), way
+
+
+def driver_for(law: Controller, arm: FrankaArm, system: MechanicalSystem) -> ArmDriver:
+    """Return the arm, with an observer of the external force where the law asks for it."""
+    return ObservedArm(arm, MomentumObserver(system)) if law.needs else arm
 
 
 def main() -> None:
@@ -81,10 +99,11 @@ def main() -> None:
                 torque_filter=TorqueFilter(system, period=PERIOD, limits=limits),
                 stale_after=0.02,
             )
-            drive(loop, arm, options.seconds, each_step=lambda t, now, torque: steps.append((now.position, torque)))
+            driver = driver_for(law, arm, system)
+            drive(loop, driver, options.seconds, each_step=lambda t, now, torque: steps.append((now.position, torque)))
             mode = loop.mode.name
             loop.stop("the end")
-            drive(loop, arm, 0.5)
+            drive(loop, driver, 0.5)
     except ArmError as reason:
         print(reason)
         raise SystemExit(1) from reason

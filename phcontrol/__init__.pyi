@@ -116,6 +116,7 @@ from .runtime.loop_camera import LoopCamera, SeenFrame
 from .runtime.loop_log import LoopLog, LoopRecord, read_loop_log
 from .runtime.loop_mode import LoopMode
 from .runtime.mujoco_arm import MujocoArm
+from .runtime.observed_arm import ObservedArm
 from .runtime.packet_faults import PacketFaults
 from .runtime.preflight import Preflight, preflight
 from .runtime.real_time import RealTime
@@ -309,6 +310,7 @@ __all__ = [
     "NonNegative",
     "NotTraceableError",
     "ObjectLostError",
+    "ObservedArm",
     "ObservedObject",
     "Outcome",
     "PHControlError",

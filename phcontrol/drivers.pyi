@@ -11,6 +11,7 @@ from .runtime.loop_camera import LoopCamera, SeenFrame
 from .runtime.loop_log import LoopLog, LoopRecord, read_loop_log
 from .runtime.loop_mode import LoopMode
 from .runtime.mujoco_arm import MujocoArm
+from .runtime.observed_arm import ObservedArm
 from .runtime.packet_faults import PacketFaults
 from .runtime.preflight import Preflight, preflight
 from .runtime.real_time import RealTime
@@ -38,6 +39,7 @@ __all__ = [
     "LoopMode",
     "LoopRecord",
     "MujocoArm",
+    "ObservedArm",
     "PacketFaults",
     "Preflight",
     "Reading",

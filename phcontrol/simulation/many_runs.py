@@ -7,6 +7,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +15,6 @@ import numpy as np
 from tqdm import tqdm
 
 from phcontrol._validation import Array
-from phcontrol.compilation.compiler import Compiler
 from phcontrol.compilation.errors import CompilationError, CompilationWarning
 from phcontrol.compilation.signals import Signals
 from phcontrol.exceptions import PHControlError
@@ -40,11 +40,12 @@ from phcontrol.simulation.simulation_error import SimulationError, SimulationInt
 
 if TYPE_CHECKING:
     from phcontrol.compilation.compiled_loop import Arrangement, Block, CompiledLoop, Record
+    from phcontrol.compilation.law_inputs import Bodies
 
 MEASURES = ("log", "final_state")
 """What can be asked of a run by name."""
 _CHUNK = 512  # samples that are kept of a run whose end alone is asked for
-_AHEAD = 1  # blocks beside one for each thread that are prepared or wait to be looked at
+_AHEAD = 2  # blocks of each thread: one that runs, and one prepared for it or waiting to be looked at
 
 Measure = str | Callable[[Log], Any]
 
@@ -54,17 +55,31 @@ class _Numbered(NamedTuple):
 
     number: int
     run: Run
+    arrangement: Arrangement
     numbers: Array
     signals: Signals
     key: Any
     """What tells its numbers from those of others."""
 
 
-class _Group(NamedTuple):
-    """Runs of one arrangement that differ in numbers."""
+class _Waiting(NamedTuple):
+    """Runs that go on, and what they will give."""
 
-    arrangement: Arrangement
-    indices: list[int]
+    numbered: list[_Numbered]
+    result: Future[tuple[Block, Any]]
+
+
+@dataclass
+class _Group:
+    """Runs that need one compilation: they differ in numbers."""
+
+    structure: list[Any]
+    made: CompiledLoop | None = None
+    """The loop in C, when there is one."""
+    gathered: list[_Numbered] = field(default_factory=list)
+    """Runs that wait until there are as many as lanes."""
+    problem: str = ""
+    """Why its runs are simulated interpreted."""
 
 
 class ManyRuns:
@@ -82,7 +97,6 @@ class ManyRuns:
         self._found: dict[int, Outcome] = {}
         self._reasons: dict[str, int] = {}
         self._verified: set[Any] = set()
-        self._runs: dict[int, Run] = {}
 
     def outcomes(self, in_c: bool, progress: bool | None) -> list[Outcome]:
         """Simulate all and return what became of them, in their order."""
@@ -142,66 +156,94 @@ class ManyRuns:
         from phcontrol.compilation.law_inputs import remembering
 
         left: list[int] = []
-        with remembering():
-            for group in self._groups(left, bar):
-                try:
-                    left += self._run_group(group, compiler, bar)
-                except SimulationInterrupted:
-                    raise
-                except Exception as error:  # likewise; what has come to its end is kept
-                    left += self._not_compiled(_said(error), [i for i in group.indices if i not in self._found])
+        waiting: deque[_Waiting] = deque()
+        with remembering(), ThreadPoolExecutor(self._workers, thread_name_prefix="simulate_many") as pool:
+            try:
+                for group, numbered, many in self._blocks(left, bar):
+                    try:
+                        if group.made is None:
+                            group.made = compiled_loop(numbered[0].arrangement, numbered[0].run, compiler, many)
+                        block = self._block(group.made, numbered, many)
+                    except SimulationInterrupted:
+                        raise
+                    except Exception as error:
+                        group.problem = _said(error)
+                        left += self._not_compiled(group.problem, [one.number for one in numbered])
+                        continue
+                    waiting.append(_Waiting(numbered, pool.submit(self._simulated, *block)))
+                    while len(waiting) >= _AHEAD * self._workers or (waiting and waiting[0].result.done()):
+                        left += self._take(waiting.popleft(), bar)
+                while waiting:
+                    left += self._take(waiting.popleft(), bar)
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
         return sorted(left)
 
-    def _run(self, index: int, bar: Any) -> Run | None:
-        """Return a run, or None where its arguments are refused, which is its outcome."""
-        if index in self._runs:
-            return self._runs.pop(index)
+    def _blocks(self, left: list[int], bar: Any) -> Iterator[tuple[_Group, list[_Numbered], bool]]:
+        """Yield runs that go on together, as many as there are lanes, and whether they share their loop with others.
+
+        To ``left`` go those that cannot be compiled at all.
+        """
+        from phcontrol.compilation.lanes import LANES
+
+        groups: list[_Group] = []
+        varied = self._varied()
+        for index in range(self._count):
+            numbered = self._numbered(index, varied, left, bar)
+            if numbered is None:
+                continue
+            structure = numbered.arrangement.structure
+            group = next((one for one in groups if one.structure == structure), None)
+            if group is None:
+                groups.append(group := _Group(structure))
+            if group.problem:
+                left += self._not_compiled(group.problem, [index])
+                continue
+            group.gathered.append(numbered)
+            if len(group.gathered) == LANES:
+                whole, group.gathered = group.gathered, []
+                yield group, whole, True
+        for group in groups:
+            if group.gathered and group.problem:
+                left += self._not_compiled(group.problem, [one.number for one in group.gathered])
+            elif group.gathered:
+                yield group, group.gathered, group.made is not None or len(group.gathered) > 1
+
+    def _varied(self) -> Bodies:
+        """Return the bodies whose inertias are not the same in all runs."""
+        from phcontrol.compilation.law_inputs import differing_bodies
+
+        plants: dict[int, Any] = {}
+        models: dict[int, Any] = {}
+        for index in range(self._count):
+            found = self._arguments(index)
+            plants[id(found["system"])], law = found["system"], found["controller"]
+            models[id(law.system)] = law.system
+        return differing_bodies(list(plants.values())) | differing_bodies(list(models.values()))
+
+    def _numbered(self, index: int, varied: Bodies, left: list[int], bar: Any) -> _Numbered | None:
+        """Return a run for the compiler; None where it is refused, which is its outcome, or cannot be compiled."""
+        from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
+
         try:
-            return Run(**self._arguments(index))
+            run = Run(**self._arguments(index))
         except Exception as error:  # refused arguments, or what a user's law raises
             self._found[index] = Outcome(index, None, _said(error), False)
             bar.update()
             return None
-
-    def _groups(self, left: list[int], bar: Any) -> list[_Group]:
-        """Return runs that can be compiled together; to ``left`` go those that cannot be at all."""
-        from phcontrol.compilation.compiled_loop import EXPLICIT
-        from phcontrol.compilation.law_inputs import differing_bodies
-
-        known: dict[Any, Arrangement] = {}
-        members: dict[Any, list[int]] = {}
-        for index in range(self._count):
-            key = self._key(index)
-            if key in known:
-                members[key].append(index)
-                continue
-            run = self._run(index, bar)
-            if run is None:
-                continue
-            observer, more = observer_among(run)
-            problem = obstacles(run.loop, {"sensors": True if more else None})
+        observer, more = observer_among(run)
+        problem = obstacles(run.loop, {"sensors": True if more else None})
+        try:
             if problem:
-                left += self._not_compiled(problem, [index])
-                continue
-            try:
-                arrangement, _ = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-            except Exception as error:  # it cannot be traced, or a user's law raises: interpreted it will tell
-                left += self._not_compiled(_said(error), [index])
-                continue
-            known[key], members[key] = arrangement, [index]
-            self._runs[index] = run  # is needed once more
-        varied = differing_bodies([one.plant for one in known.values()])
-        varied |= differing_bodies([one.law.system for one in known.values()])
-        groups: list[tuple[list[Any], _Group]] = []
-        for key, arrangement in known.items():
+                raise CompilationError(problem)
+            arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
             arrangement = arrangement._replace(varied=varied)
-            structure = arrangement.structure
-            group = next((found for other, found in groups if other == structure), None)
-            if group is None:
-                group = _Group(arrangement, [])
-                groups.append((structure, group))
-            group.indices.extend(members[key])
-        return [group for _, group in groups]
+            numbers = numbers_of_arrangement(arrangement)
+        except Exception as error:  # it cannot be traced, or a user's law raises: interpreted it will tell
+            left += self._not_compiled(_said(error), [index])
+            return None
+        return _Numbered(index, run, arrangement, numbers, signals, self._key(index))
 
     def _key(self, index: int) -> Any:
         """Return what tells runs of one arrangement from others; things are alive, so that their ids are theirs."""
@@ -212,57 +254,6 @@ class ManyRuns:
         # of force sensors all numbers are inputs, and held against nothing
         shown = tuple(type(one) if type(one) is ForceSensor else id(one) for one in sensors or ())
         return (*(id(thing) for thing in things), function, shown)
-
-    def _run_group(self, group: _Group, compiler: Compiler, bar: Any) -> list[int]:
-        """Simulate runs of one structure; return those that must be simulated interpreted after all."""
-        left: list[int] = []
-        waiting: deque[Future[tuple[list[_Numbered], Block, Any]]] = deque()
-        group.indices.sort()
-        many = len(group.indices) > 1
-        made: CompiledLoop | None = None
-        with ThreadPoolExecutor(self._workers, thread_name_prefix="simulate_many") as pool:
-            try:
-                for numbered in self._blocks(group, left, bar):
-                    if made is None:
-                        made = compiled_loop(group.arrangement, numbered[0].run, compiler, many)
-                    block = self._block(made, numbered, many)
-                    waiting.append(pool.submit(self._simulated, *block))
-                    while len(waiting) > _AHEAD + self._workers or (waiting and waiting[0].done()):
-                        left += self._take(waiting.popleft(), bar)
-                while waiting:
-                    left += self._take(waiting.popleft(), bar)
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
-        return left
-
-    def _blocks(self, group: _Group, left: list[int], bar: Any) -> Iterator[list[_Numbered]]:
-        """Yield as many runs as there are lanes, and again."""
-        from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
-        from phcontrol.compilation.lanes import LANES
-
-        size = LANES if len(group.indices) > 1 else 1
-        gathered: list[_Numbered] = []
-        for index in group.indices:
-            run = self._run(index, bar)
-            if run is None:
-                continue
-            observer, more = observer_among(run)
-            if more:  # of the others' kind, but with numbers that do not fit
-                left += self._not_compiled(obstacles(run.loop, {"sensors": True}), [index])
-                continue
-            try:
-                arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-            except Exception as error:  # it cannot be traced, or a user's law raises: interpreted it will tell
-                left += self._not_compiled(_said(error), [index])
-                continue
-            numbers = numbers_of_arrangement(arrangement._replace(varied=group.arrangement.varied))
-            gathered.append(_Numbered(index, run, numbers, signals, self._key(index)))
-            if len(gathered) == size:
-                yield gathered
-                gathered = []
-        if gathered:
-            yield gathered
 
     def _block(
         self, made: CompiledLoop, numbered: list[_Numbered], many: bool
@@ -295,7 +286,7 @@ class ManyRuns:
 
     def _simulated(
         self, made: CompiledLoop, numbered: list[_Numbered], block: Block, start: Array
-    ) -> tuple[list[_Numbered], Block, Any]:
+    ) -> tuple[Block, Any]:
         """Simulate a block, on a thread of the pool; return the last states, and its record with lanes first.
 
         Without the record where the last states alone are asked for.
@@ -316,15 +307,20 @@ class ManyRuns:
 
         advance(block, plan_of(run), record, sink, rows)
         if self._measure == "final_state":
-            return numbered, block, (last, [])
-        return numbered, block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
+            return block, (last, [])
+        return block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
 
-    def _take(self, done: Future[tuple[list[_Numbered], Block, Any]], bar: Any) -> list[int]:
+    def _take(self, waiting: _Waiting, bar: Any) -> list[int]:
         """Look at a block that has come to its end; return those that must be simulated interpreted after all."""
         from phcontrol.compilation.compiled_loop import DONE, NO_SOLUTION, NOT_COMPILED
 
-        numbered, block, result = done.result()
-        left: list[int] = []
+        numbered, left = waiting.numbered, list[int]()
+        try:
+            block, result = waiting.result.result()
+        except SimulationInterrupted:
+            raise
+        except Exception as problem:
+            return self._not_compiled(_said(problem), [one.number for one in numbered])
         for lane, (index, run, *_) in enumerate(numbered):
             status, reached = int(block.status[lane]), int(block.reached[lane])
             last = result[0][:, lane]

@@ -1,11 +1,13 @@
-"""What an identified friction is worth on a simulated Franka Research 3, over the robot's own protocol.
+"""Every law on a simulated Franka Research 3, over the robot's own protocol: errors, rates and jitter.
 
-    pip install 'phcontrol[franka]' franky-sim && franky-sim       # prints the simulated robot's address
-    python benchmarks/franka_friction.py 127.0.0.1 --urdf fr3.urdf
+    pip install 'phcontrol[franka]' franky-sim && franky-sim -s mujoco  # prints the simulated robot's address
+    python benchmarks/franka_laws.py 127.0.0.1 --urdf fr3.urdf
 
 A tracking law leads the arm along a motion in which friction shows, friction is identified from what was read and sent,
-and then each law of examples/franka.py runs twice, by a model without friction and by one with it. The simulated robot
-has 1.1 N·m of dry friction and 0.3 N·m·s/rad in each joint or so: see its fr3.xml.
+and then each law of examples/franka.py runs twice, by a model without friction and by one with it; laws that are to be
+shown the external force have it from a momentum observer. The simulated robot has 1.1 N·m of dry friction and 0.3
+N·m·s/rad in each joint or so: see its fr3.xml. Before and after them a bare loop runs, which sends the torque zero and
+computes nothing: what pauses it has are those of the simulator and this computer.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
@@ -34,7 +37,7 @@ from phcontrol import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
-from franka import LAWS, PERIOD, ROTORS, make_law
+from franka import LAWS, PERIOD, ROTORS, driver_for, make_law
 
 STIFFNESS = [600, 600, 600, 600, 250, 150, 50]  # [N·m/rad]
 DAMPING = [50, 50, 50, 50, 30, 25, 15]  # [N·m·s/rad]
@@ -48,13 +51,39 @@ def run(address, system, make, seconds):
         law, way = make(arm.position)
         filter_ = TorqueFilter(system, period=PERIOD, limits=limits)
         loop = ControlLoop(system, law, PERIOD, torque_filter=filter_, stale_after=0.02)
-        drive(loop, arm, seconds, each_step=lambda t, now, u: rows.append((now.position, now.velocity, u.copy())))
+        driver = driver_for(law, arm, system)
+        drive(loop, driver, seconds, each_step=lambda t, now, u: rows.append((now.position, now.velocity, u.copy())))
         mode = loop.mode.name.lower()
         loop.stop("the end")
-        drive(loop, arm, 0.5)
+        drive(loop, driver, 0.5)
     position, velocity, torque = map(np.array, zip(*rows, strict=True))
     time = PERIOD * np.arange(len(position))  # the robot's
-    return law, way, time, position, velocity, torque, f"{mode}, {arm.counts['lost']} lost"
+    timing = loop.timing
+    ended = (
+        f"{mode}, {arm.counts['lost']} lost; intervals {1e3 * timing.interval_p50:.3f} ms median, "
+        f"{1e3 * timing.interval_p99_9:.2f} p99.9, {1e3 * timing.interval_longest:.2f} at most; computing "
+        f"{1e6 * timing.p50:.0f} µs median, {1e6 * timing.p99_9:.0f} p99.9"
+    )
+    return law, way, time, position, velocity, torque, ended
+
+
+def bare(address, system, seconds):
+    """Run a loop that computes nothing, and print its pauses."""
+    with FrankaArm(address, system, recover=True) as arm:
+        arm.read()
+        arm.write(np.zeros(7))
+        moments = []
+        for _ in range(round(seconds / PERIOD)):
+            arm.read()
+            moments.append(perf_counter())
+            arm.write(np.zeros(7))
+        lost = arm.counts["lost"]
+    pauses = 1e3 * np.diff(moments)
+    print(
+        f"bare loop: {lost} lost; intervals {np.median(pauses):.3f} ms median, {np.percentile(pauses, 99.9):.2f} p99.9,"
+        f" {pauses.max():.2f} at most",
+        flush=True,
+    )
 
 
 def home(address, system, posture):
@@ -73,34 +102,39 @@ def main() -> None:
     parser.add_argument("address")
     parser.add_argument("--urdf", required=True)
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--laws", nargs="*", choices=LAWS, default=LAWS)
     options = parser.parse_args()
     fingers = ("fr3_finger_joint1", "fr3_finger_joint2")
     robot = load_robot(options.urdf, locked_joints=fingers, armature=ROTORS)
-    bare = MechanicalSystem(robot, friction=None)
-    with FrankaArm(options.address, bare, recover=True) as arm:
+    bare_arm = MechanicalSystem(robot, friction=None)
+    with FrankaArm(options.address, bare_arm, recover=True) as arm:
         start = arm.position
-    limits = Limits.franka(bare, velocity_margin=0.5)
-    motion = exciting_trajectory(bare, limits, 20.0, what=("coulomb", "viscous"), start=start, candidates=40, share=0.6)
+    limits = Limits.franka(bare_arm, velocity_margin=0.5)
+    motion = exciting_trajectory(
+        bare_arm, limits, 20.0, what=("coulomb", "viscous"), start=start, candidates=40, share=0.6
+    )
 
     def along(at):
-        return TrajectoryTracking(bare, trajectory=motion, stiffness=STIFFNESS, damping=DAMPING), motion
+        return TrajectoryTracking(bare_arm, trajectory=motion, stiffness=STIFFNESS, damping=DAMPING), motion
 
-    _, _, time, position, velocity, torque, ended = run(options.address, bare, along, 20.0)
-    carried = torque + np.array([bare.at(q).gravity for q in position])  # what is sent is u - g
+    _, _, time, position, velocity, torque, ended = run(options.address, bare_arm, along, 20.0)
+    carried = torque + np.array([bare_arm.at(q).gravity for q in position])  # what is sent is u - g
     shown = Motion.of(time, position, velocity, carried, held=True)
     found = identify(shown, ("coulomb", "viscous"), model=replace(robot, friction=None))
     print(ended)
     print(found)
-    systems = {"without": bare, "with": MechanicalSystem(found.robot)}
-    for name in LAWS:
+    systems = {"without": bare_arm, "with": MechanicalSystem(found.robot)}
+    bare(options.address, bare_arm, options.seconds)
+    for name in options.laws:
         for which, system in systems.items():
-            home(options.address, bare, start)
+            home(options.address, bare_arm, start)
             made = run(options.address, system, lambda at, s=system, n=name: make_law(n, s, at), options.seconds)
             law, way, time, position, _, torque, ended = made
             if way is None:
                 goal = law.pose_at(0.0).translation
                 hand = [
-                    np.linalg.norm(bare.at(q).placement(bare.hand_frame).translation - goal) for q in position[-500:]
+                    np.linalg.norm(bare_arm.at(q).placement(bare_arm.hand_frame).translation - goal)
+                    for q in position[-500:]
                 ]
                 error = f"hand {1e3 * max(hand):.2f} mm off its goal at the end"
             else:
@@ -112,6 +146,7 @@ def main() -> None:
                 )
             rate = np.abs(np.diff(torque, axis=0)).max() / PERIOD
             print(f"{name}, {which} friction: {ended}; {error}; rate {rate:.0f} N·m/s", flush=True)
+    bare(options.address, bare_arm, options.seconds)
 
 
 if __name__ == "__main__":
