@@ -7,7 +7,6 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -69,17 +68,17 @@ class _Waiting(NamedTuple):
     result: Future[tuple[Block, Any]]
 
 
-@dataclass
 class _Group:
     """Runs that need one compilation: they differ in numbers."""
 
-    structure: list[Any]
-    made: CompiledLoop | None = None
-    """The loop in C, when there is one."""
-    gathered: list[_Numbered] = field(default_factory=list)
-    """Runs that wait until there are as many as lanes."""
-    problem: str = ""
-    """Why its runs are simulated interpreted."""
+    def __init__(self, structure: list[Any]) -> None:
+        self.structure = structure
+        self.made: CompiledLoop | None = None
+        """The loop in C, when there is one."""
+        self.gathered: list[_Numbered] = []
+        """Runs that wait until there are as many as lanes."""
+        self.problem = ""
+        """Why its runs are simulated interpreted."""
 
 
 class ManyRuns:
