@@ -193,6 +193,8 @@ class Block:
         """DONE for a run that goes on, or what it ended by, shape (lanes,)."""
         self.reached: Any = np.zeros(lanes, dtype=np.int64)
         """The last sample of each, shape (lanes,)."""
+        self.ends = room(loop.rows, lanes=lanes)
+        """The states there, shape (y, lanes)."""
 
     def set_signals(self, tables: Sequence[Array]) -> None:
         """Set the forces over time, a table for each lane (``signals_of``)."""
@@ -220,12 +222,13 @@ class Block:
     def advance(self, plan: Plan, first: int, last: int, record: Record) -> None:
         """Simulate samples first to last into the record, whose first row is sample first.
 
-        Its states there are given; of those a row more is made, for the sample after. The lock of the interpreter is
-        free meanwhile.
+        Its states there are given; of those a row more is made, for the sample after. A record of fewer rows has the
+        last of them, in turn. The lock of the interpreter is free meanwhile.
         """
-        arrays = (record.states, record.torques, record.forces, record.readings)
+        arrays = (record.states, record.torques, record.forces, record.readings, self.ends)
         self._library.phcontrol_run(
-            first, last, plan.steps, plan.dt, plan.stride, plan.period, plan.due, METHODS.index(plan.method),
+            first, last, len(record.torques), plan.steps, plan.dt, plan.stride, plan.period, plan.due,
+            METHODS.index(plan.method),
             *(_pointer(array) for array in (self._numbers, self.limit, self.steady)), self._tables,
             self._sensed, _pointer(self._carry), *(_pointer(array) for array in arrays),
             *(array.ctypes.data_as(_INTEGERS) for array in (self.status, self.reached)),
@@ -284,8 +287,7 @@ def _loaded(library: Path) -> Any:
     count, number = ctypes.c_long, ctypes.c_double
     run.restype = field.restype = None
     run.argtypes = [
-        count, count, count, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, _SIGNALS,
-        *[_VECTOR] * 5,
+        *[count] * 4, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, _SIGNALS, *[_VECTOR] * 6,
         _INTEGERS, _INTEGERS,
     ]  # fmt: skip
     field.argtypes = [number, *[_VECTOR] * 4, _SIGNALS, *[_VECTOR] * 3, _INTEGERS]

@@ -333,12 +333,13 @@ void phcontrol_field(double t, const real *y, const real *p, const real *limit, 
 }}
 
 /* Samples first to last of steps + 1. Row 0 of each record is that of sample first; of states it is given, and a row
-   is made for the sample after last. stride: of a sampled law; 0 for a continuous one. due: of the sensor.
-   A lane whose status is not 0 has ended, at the sample that it has reached. */
-void phcontrol_run(long first, long last, long steps, double dt, long stride, double period, long due, int method,
-                   const real *p, const real *limit, const real *steady, const double *const *signals,
+   is made for the sample after last. Where there are fewer rows than samples, they are written over, again and again.
+   stride: of a sampled law; 0 for a continuous one. due: of the sensor. A lane whose status is not 0 has ended, at the
+   sample that it has reached; ends: the states of all lanes there. */
+void phcontrol_run(long first, long last, long rows, long steps, double dt, long stride, double period, long due,
+                   int method, const real *p, const real *limit, const real *steady, const double *const *signals,
                    double *const *felt, real *carry, real *states, real *torques, real *external, real *readings,
-                   long long *status, long long *reached) {{
+                   real *ends, long long *status, long long *reached) {{
   run c = {{p, limit, steady, signals, felt, carry, carry + HELD, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
   const int sampled = stride > 0;
   real a[Y], rate[S + B + 1];
@@ -346,7 +347,7 @@ void phcontrol_run(long first, long last, long steps, double dt, long stride, do
   (void)due; (void)readings; (void)rate;
   for (long k = first; k <= last && any(c.alive); k++) {{
     const double t = (double)k * dt;
-    const long row = k - first;
+    const long row = (k - first) % rows;
     real *y = states + row * Y, *u = torques + row * N, *f = external + row * N;
 #if {has_sensor}
     sense(&c, k, t, y, sampled, due, c.shown);
@@ -372,9 +373,11 @@ void phcontrol_run(long first, long last, long steps, double dt, long stride, do
     for (int lane = 0; lane < LANES; lane++) {{
       if (!AT(c.alive, lane)) continue;
       reached[lane] = k;
+      if (k == last || AT(ended, lane)) for (int i = 0; i < Y; i++) AT(ends[i], lane) = AT(y[i], lane);
       if (AT(ended, lane)) status[lane] = AT(c.infinite, lane) ? 2 : AT(c.uncovered, lane) ? 1 : 3;
     }}
     c.alive &= ~ended;
+    for (int i = 0; i < Y && row + 1 == rows && k < last; i++) states[i] = y[Y + i];
   }}
 }}
 """

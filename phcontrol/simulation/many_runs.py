@@ -21,7 +21,6 @@ from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.closed_loop import simulate
 from phcontrol.simulation.compiled_run import (
     DIVERGED,
-    advance,
     arranged,
     compiled_loop,
     compiler_found,
@@ -38,12 +37,12 @@ from phcontrol.simulation.run import Run
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 
 if TYPE_CHECKING:
-    from phcontrol.compilation.compiled_loop import Arrangement, Block, CompiledLoop, Record
+    from phcontrol.compilation.compiled_loop import Arrangement, Block, CompiledLoop
     from phcontrol.compilation.law_inputs import Bodies
 
 MEASURES = ("log", "final_state")
 """What can be asked of a run by name."""
-_CHUNK = 512  # samples that are kept of a run whose end alone is asked for
+_ROWS = 64  # samples that are kept of a run whose end alone is asked for
 _AHEAD = 2  # blocks of each thread: one that runs, and one prepared for it or waiting to be looked at
 
 Measure = str | Callable[[Log], Any]
@@ -65,7 +64,7 @@ class _Waiting(NamedTuple):
     """Runs that go on, and what they will give."""
 
     numbered: list[_Numbered]
-    result: Future[tuple[Block, Any]]
+    result: Future[tuple[Block, list[Array]]]
 
 
 class _Group:
@@ -285,29 +284,21 @@ class ManyRuns:
 
     def _simulated(
         self, made: CompiledLoop, numbered: list[_Numbered], block: Block, start: Array
-    ) -> tuple[Block, Any]:
-        """Simulate a block, on a thread of the pool; return the last states, and its record with lanes first.
+    ) -> tuple[Block, list[Array]]:
+        """Simulate a block, on a thread of the pool; return it, and its record with lanes first.
 
-        Without the record where the last states alone are asked for.
+        Nothing of the record where the last states alone are asked for. All of it goes on in C, without the lock of the
+        interpreter: a thread that asks for it has to wait for the one that prepares.
         """
         from phcontrol.compilation.compiled_loop import Record
 
-        run = numbered[0].run
-        rows = min(_CHUNK, run.steps + 1) if self._measure == "final_state" else run.steps + 1
+        run, plan = numbered[0].run, plan_of(numbered[0].run)
+        ends_alone = self._measure == "final_state"
+        rows = min(_ROWS, plan.steps + 1) if ends_alone else plan.steps + 1
         record = Record.empty(made, rows, block.lanes, bool(run.sensors))
         record.states[0] = start
-        last = np.zeros(record.states.shape[1:])
-
-        def sink(first: int, count: int, record: Record) -> None:
-            for lane in range(block.lanes):
-                row = int(block.reached[lane]) - first
-                if 0 <= row < count:
-                    last[:, lane] = record.states[row, :, lane]
-
-        advance(block, plan_of(run), record, sink, rows)
-        if self._measure == "final_state":
-            return block, (last, [])
-        return block, (last, [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record])
+        block.advance(plan, 0, plan.steps, record)
+        return block, [] if ends_alone else [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record]
 
     def _take(self, waiting: _Waiting, bar: Any) -> list[int]:
         """Look at a block that has come to its end; return those that must be simulated interpreted after all."""
@@ -315,14 +306,14 @@ class ManyRuns:
 
         numbered, left = waiting.numbered, list[int]()
         try:
-            block, result = waiting.result.result()
+            block, record = waiting.result.result()
         except SimulationInterrupted:
             raise
         except Exception as problem:
             return self._not_compiled(_said(problem), [one.number for one in numbered])
         for lane, (index, run, *_) in enumerate(numbered):
             status, reached = int(block.status[lane]), int(block.reached[lane])
-            last = result[0][:, lane]
+            last = block.ends[:, lane]
             wild = not np.abs(last).max(initial=0.0) < DIVERGED
             if status == NO_SOLUTION:
                 left += self._not_compiled("an implicit step is not found by iteration", [index])
@@ -339,7 +330,7 @@ class ManyRuns:
             elif error and self._measure != "log":
                 self._found[index] = Outcome(index, None, error, True)
             else:
-                log = self._log(run, [part[lane] for part in result[1]], reached + 1)
+                log = self._log(run, [part[lane] for part in record], reached + 1)
                 self._found[index] = Outcome(index, log, error, True) if error else self._measured(index, log, True)
             bar.update()
         return left
