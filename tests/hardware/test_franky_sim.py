@@ -48,7 +48,7 @@ def address():
 
 
 @pytest.mark.xdist_group("franka")
-@pytest.mark.parametrize("law", ["energy_shaping", "tracking", "cartesian_impedance"])
+@pytest.mark.parametrize("law", ["energy_shaping", "total_force_rejection", "tracking", "cartesian_impedance"])
 def test_a_law_runs_over_the_robots_protocol_and_nothing_aborts(address, law):
     """The example, five seconds: it ends with 1 where the robot stopped."""
     command = [sys.executable, ROOT / "examples" / "franka.py", address, "--urdf", URDF, "--law", law]
