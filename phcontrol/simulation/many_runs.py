@@ -304,7 +304,7 @@ class ManyRuns:
 
         run = numbered[0].run
         rows = min(_CHUNK, run.steps + 1) if self._measure == "final_state" else run.steps + 1
-        record = Record.empty(made, rows, block.lanes, bool(run.sensors))
+        record = Record.empty(made, rows, block.lanes, bool(run.sensors), run.joint_sensor is not None)
         record.states[0] = start
         last = np.zeros(record.states.shape[1:])
 
