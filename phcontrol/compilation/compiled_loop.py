@@ -282,8 +282,10 @@ class Record(NamedTuple):
     @classmethod
     def empty(cls, loop: CompiledLoop, rows: int, lanes: int, observed: bool, joints: bool = False) -> Record:
         """Return room for some samples."""
-        sizes = ((rows + 1, loop.rows), (rows, loop.n), (rows, loop.n), (rows if observed else 0, loop.n))
-        sizes += ((rows if joints else 0, 2 * loop.n),)
+        sizes = (
+            (rows + 1, loop.rows), (rows, loop.n), (rows, loop.n),
+            (rows if observed else 0, loop.n), (rows if joints else 0, 2 * loop.n),
+        )  # fmt: skip
         return cls(*(room(*size, lanes=lanes) for size in sizes))
 
 

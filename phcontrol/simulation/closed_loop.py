@@ -24,6 +24,7 @@ from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.compiled_run import Prepared, plan_of, prepared, run_compiled
+from phcontrol.simulation.instruments import Encoders
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.run import Run
@@ -131,8 +132,8 @@ def simulate(
     sampled, instruments, stride, step = run.sampled, run.instruments, run.stride, INTEGRATORS[run.integrator].step
     disable = None if progress is None else not progress
     done, k, held = 0, 0, NOTHING_HELD
-    line, encoders, view = TorqueLine(run.late, run.first_torque), run.joint_sensor, None
-    read = None if encoders is None else encoders.start(*np.split(y[: 2 * loop.n], 2))
+    line, view = TorqueLine(run.late, run.first_torque), None
+    encoders = None if run.joint_sensor is None else Encoders(run.joint_sensor)
     try:
         with np.errstate(all="ignore"), tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
             for k in range(steps + 1):
@@ -140,10 +141,8 @@ def simulate(
                 if setpoint is not None:
                     setpoint.advance(t)
                 if encoders is not None:
-                    read = encoders.update(read, t, *np.split(y[: 2 * loop.n], 2))
-                    shown = encoders.reading(read)
-                    log.record_joints(k, *shown)
-                    view = loop.plant_state(np.concatenate(shown))
+                    view = encoders.observe(t, loop.plant_state(y))
+                    log.record_joints(k, view)
                 if instruments is not None:
                     measured = instruments.observe(k, t, loop, y, held, view)
                     log.record_measured(k, measured)

@@ -10,6 +10,7 @@ import numpy as np
 from phcontrol._validation import Array, whole_multiple
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
+from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.vector_field import ClosedLoop, Held
@@ -67,3 +68,18 @@ class Instruments:
     def applied(self, torque: Array) -> None:
         """Note the torque at the start of a step."""
         self._last_torque = torque
+
+
+class Encoders:
+    """The joint sensor of a run and its state."""
+
+    def __init__(self, sensor: JointSensor) -> None:
+        self._sensor = sensor
+        self._state: Any = None
+
+    def observe(self, t: float, x: MechanicalState) -> MechanicalState:
+        """Take a reading of the plant's state and return that state as it is shown."""
+        if self._state is None:
+            self._state = self._sensor.start(x.position, x.velocity)
+        self._state = self._sensor.update(self._state, t, x.position, x.velocity)
+        return x.system.state_type(x.system, *self._sensor.reading(self._state))

@@ -13,6 +13,7 @@ import numpy as np
 
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
+from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.derived import DERIVED, OPTIONAL, PARTS, Sample, derive, names_of, true_measurement
 from phcontrol.simulation.frame_motion import FrameMotion
@@ -139,10 +140,10 @@ class Log(Exported):
             if value is not None:
                 self._data[f"{MEASURED}{quantity}"][k] = value
 
-    def record_joints(self, k: int, position: Array, velocity: Array) -> None:
+    def record_joints(self, k: int, seen: MechanicalState) -> None:
         """Write what the joint sensor showed at sample k."""
-        for name, value in zip(JOINTS_SHOWN, (position, velocity), strict=True):
-            self._data[f"{MEASURED}{name}"][k] = value
+        for name in JOINTS_SHOWN:
+            self._data[f"{MEASURED}{name}"][k] = getattr(seen, name)
 
     def record_filter(self, k: int, sampled: SampledControl) -> None:
         """Write what the torque filter did in the period of sample k."""

@@ -33,7 +33,7 @@ from phcontrol.safety.clipping import clipped
 from phcontrol.safety.torque_filter import TorqueFilter
 from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.sensor import Sensor
-from phcontrol.simulation.instruments import Instruments
+from phcontrol.simulation.instruments import Encoders, Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import JOINTS_SHOWN, Log
 from phcontrol.simulation.sampled_control import SampledControl, check_filter
@@ -85,7 +85,10 @@ class Run:
         position = vector("q0", system.robot.home if q0 is None else q0, system.n)
         velocity = vector("v0", np.zeros(system.n) if v0 is None else v0, system.n)
         self.joint_sensor = joint_sensor
-        seen = controller.system.at(*_shown_first(joint_sensor, position, velocity))
+        start = system.at(position, velocity)
+        if joint_sensor is not None:
+            start = Encoders(instance("joint_sensor", joint_sensor, JointSensor)).observe(0.0, start)
+        seen = start.seen_by(controller.system)
         state = controller.initial_state(seen)
         if controller_state0 is not None:
             state = vector("controller_state0", controller_state0, state.size)
@@ -153,14 +156,6 @@ class Run:
             },
             filtered=self.filter is not None,
         )  # fmt: skip
-
-
-def _shown_first(sensor: JointSensor | None, position: Array, velocity: Array) -> tuple[Array, Array]:
-    """Return q and q̇ as the law is shown them at the start."""
-    if sensor is None:
-        return position, velocity
-    state = instance("joint_sensor", sensor, JointSensor).start(position, velocity)
-    return sensor.reading(sensor.update(state, 0.0, position, velocity))
 
 
 def _holding(x: MechanicalState, limit: Array | None) -> Array:
