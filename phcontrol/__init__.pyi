@@ -131,6 +131,7 @@ from .safety.storage_condition import StorageCondition
 from .safety.torque_filter import FilteredTorque, TorqueFilter
 from .sensors.camera_sensor import CameraSensor
 from .sensors.force_sensor import ForceSensor
+from .sensors.joint_sensor import JointSensor
 from .sensors.measured import NOTHING, Measured
 from .sensors.momentum_observer import MomentumObserver
 from .sensors.wrist_sensor import Tool, WristSensor
@@ -272,6 +273,7 @@ __all__ = [
     "InvariantSet",
     "JointContact",
     "JointForce",
+    "JointSensor",
     "JointSpring",
     "LawError",
     "LimitReport",

@@ -4,6 +4,7 @@
 
 from .sensors.camera_sensor import CameraSensor
 from .sensors.force_sensor import ForceSensor
+from .sensors.joint_sensor import JointSensor
 from .sensors.measured import NOTHING, Measured
 from .sensors.momentum_observer import MomentumObserver
 from .sensors.wrist_sensor import Tool, WristSensor
@@ -27,6 +28,7 @@ __all__ = [
     "FeatureFlow",
     "ForceSensor",
     "HandEyeCalibration",
+    "JointSensor",
     "MarkerDetector",
     "MarkerPrint",
     "Measured",

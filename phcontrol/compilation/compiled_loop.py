@@ -169,7 +169,7 @@ class CompiledLoop:
 class Block:
     """Runs that go on together, one in each lane: their numbers, and where they stand.
 
-    Arrays hold the lanes last. What is set before ``start``: ``limit``, ``steady`` and ``signals``.
+    Arrays hold the lanes last. What is set before ``start``: ``limit``, ``steady``, ``first`` and ``signals``.
     """
 
     def __init__(self, loop: CompiledLoop, library: Any, numbers: Sequence[Array], lanes: int) -> None:
@@ -188,7 +188,12 @@ class Block:
         self._tables: Any = None
         self._felt: list[Array] = []
         self._sensed: Any = None
+        self._joints: list[Array] = []
+        self._read: Any = None
         self._carry = room(loop.carry, lanes=lanes)
+        self.first = self._carry[: loop.n]
+        """Torques that act until the first that is ordered does, shape (n, lanes) [N·m]."""
+        self._line = room(0, lanes=lanes)
         self.status: Any = np.zeros(lanes, dtype=np.int64)
         """DONE for a run that goes on, or what it ended by, shape (lanes,)."""
         self.reached: Any = np.zeros(lanes, dtype=np.int64)
@@ -205,8 +210,16 @@ class Block:
 
     def set_felt(self, rows: Sequence[Array]) -> None:
         """Set the force sensors, a row for each lane (``felt_by``). A run writes into them."""
-        self._felt = [np.array(row) for row in rows]
-        self._sensed = (_VECTOR * self.lanes)(*(row.ctypes.data_as(_VECTOR) for row in self._felt))
+        self._felt, self._sensed = self._written(rows)
+
+    def set_joints(self, rows: Sequence[Array]) -> None:
+        """Set the joint sensors, a row for each lane (``joint_readings``). A run writes into them."""
+        self._joints, self._read = self._written(rows)
+
+    def _written(self, rows: Sequence[Array]) -> tuple[list[Array], Any]:
+        """Return rows of the lanes that a run writes into, and pointers to them."""
+        own = [np.array(row) for row in rows]
+        return own, (_VECTOR * self.lanes)(*(row.ctypes.data_as(_VECTOR) for row in own))
 
     def field(self, t: float, y: Array) -> tuple[Array, Array, Array]:
         """Return ẏ, torque and force at states y, shapes (…, lanes); ``status`` says where they are any."""
@@ -225,12 +238,14 @@ class Block:
         Its states there are given; of those a row more is made, for the sample after. A record of fewer rows has the
         last of them, in turn. The lock of the interpreter is free meanwhile.
         """
-        arrays = (record.states, record.torques, record.forces, record.readings, self.ends)
+        places = plan.late // plan.stride + 1 if plan.stride else 0
+        if first == 0:
+            self._line = room(places * self._n, lanes=self.lanes)
         self._library.phcontrol_run(
-            first, last, len(record.torques), plan.steps, plan.dt, plan.stride, plan.period, plan.due,
-            METHODS.index(plan.method),
-            *(_pointer(array) for array in (self._numbers, self.limit, self.steady)), self._tables,
-            self._sensed, _pointer(self._carry), *(_pointer(array) for array in arrays),
+            first, last, len(record.torques), plan.steps, plan.dt, plan.stride, plan.period, plan.late, plan.due,
+            METHODS.index(plan.method), *(_pointer(array) for array in (self._numbers, self.limit, self.steady)),
+            self._tables, self._sensed, self._read, _pointer(self._carry), _pointer(self._line),
+            *(_pointer(array) for array in (*record, self.ends)),
             *(array.ctypes.data_as(_INTEGERS) for array in (self.status, self.reached)),
         )  # fmt: skip
 
@@ -248,6 +263,8 @@ class Plan(NamedTuple):
     """Of control [s]."""
     due: int = 1
     """Steps between two updates of the observer."""
+    late: int = 0
+    """Steps from ordering a torque to its acting."""
 
 
 class Record(NamedTuple):
@@ -261,11 +278,16 @@ class Record(NamedTuple):
     """Shape (rows, n, lanes)."""
     readings: Array
     """What an observer shows, shape (rows, n, lanes); without rows where there is none."""
+    joints: Array
+    """What a joint sensor shows of q and q̇, shape (rows, 2n, lanes); without rows where there is none."""
 
     @classmethod
-    def empty(cls, loop: CompiledLoop, rows: int, lanes: int, observed: bool) -> Record:
+    def empty(cls, loop: CompiledLoop, rows: int, lanes: int, observed: bool, joints: bool = False) -> Record:
         """Return room for some samples."""
-        sizes = ((rows + 1, loop.rows), (rows, loop.n), (rows, loop.n), (rows if observed else 0, loop.n))
+        sizes = (
+            (rows + 1, loop.rows), (rows, loop.n), (rows, loop.n),
+            (rows if observed else 0, loop.n), (rows if joints else 0, 2 * loop.n),
+        )  # fmt: skip
         return cls(*(room(*size, lanes=lanes) for size in sizes))
 
 
@@ -287,8 +309,8 @@ def _loaded(library: Path) -> Any:
     count, number = ctypes.c_long, ctypes.c_double
     run.restype = field.restype = None
     run.argtypes = [
-        *[count] * 4, number, count, number, count, ctypes.c_int, *[_VECTOR] * 3, _SIGNALS, _SIGNALS, *[_VECTOR] * 6,
-        _INTEGERS, _INTEGERS,
+        *[count] * 4, number, count, number, count, count, ctypes.c_int, *[_VECTOR] * 3, *[_SIGNALS] * 3,
+        *[_VECTOR] * 8, _INTEGERS, _INTEGERS,
     ]  # fmt: skip
     field.argtypes = [number, *[_VECTOR] * 4, _SIGNALS, *[_VECTOR] * 3, _INTEGERS]
     return found

@@ -22,6 +22,7 @@ typedef struct {{
   const real *steady;              /* the force that is constant */
   const double *const *signals;    /* of each lane, forces over time; NULL for none */
   double *const *felt;             /* of each lane, the force sensor: see FEEL; NULL for none */
+  double *const *joints;           /* of each lane, the joint sensor: see read_joints(); NULL for none */
   real *held, *shown;
   mask alive, uncovered, infinite, stuck;
 }} run;
@@ -101,15 +102,34 @@ static void count_limits(run *c, mask wanted, double t, const real *y, const rea
 }}
 #endif
 
-/* Torque of the law, clipped, and the rate of its state. */
-static void act(run *c, double t, const real *y, const real *f, real *u, real *rate) {{
+/* What the joint sensor of each lane shows of q and q' at sample k. Its row: samples until one is shown, whether there
+   is noise, bias, resolution, the readings that are on their way, noise of each. */
+static void read_joints(run *c, long k, const real *y, real *shown) {{
+  for (int lane = 0; lane < LANES; lane++) {{
+    double *row = c->joints[lane];
+    const long late = (long)row[0];
+    const double *bias = row + 2, *resolution = bias + 2 * N;
+    double *way = row + 2 + 4 * N, *now = way + k % (late + 1) * 2 * N;
+    const double *noise = way + (late + 1) * 2 * N + k * 2 * N;
+    for (int i = 0; i < 2 * N; i++) {{
+      double value = AT(y[i], lane) + bias[i];
+      if (row[1] != 0.0) value += noise[i];
+      now[i] = resolution[i] > 0.0 ? resolution[i] * rint(value / resolution[i]) : value;
+    }}
+    const double *ripe = way + (k < late ? 0 : (k - late) % (late + 1)) * 2 * N;
+    for (int i = 0; i < 2 * N; i++) AT(shown[i], lane) = ripe[i];
+  }}
+}}
+
+/* Torque of the law, clipped, and the rate of its state: at y, of which it sees q and q' as in seen. */
+static void act(run *c, double t, const real *y, const real *seen, const real *f, real *u, real *rate) {{
   real m[{measured_room}], out[N + S];
   mask well = EVERY;
-  for (int i = 0; i < 2 * N + S; i++) well &= is_finite(y[i]);
+  for (int i = 0; i < 2 * N + S; i++) well &= is_finite(seen[i]);
   c->infinite |= c->alive & ~well;
-  (void)f;
+  (void)f; (void)y;
   {measure}
-  const mask wanted = c->alive & well, covered = law(wanted, SAME(t), y, y + N, y + 2 * N, m, c->p, out);
+  const mask wanted = c->alive & well, covered = law(wanted, SAME(t), seen, seen + N, seen + 2 * N, m, c->p, out);
   c->uncovered |= wanted & ~covered;
   well = EVERY;
   for (int i = 0; i < N + S; i++) well &= is_finite(out[i]);
@@ -120,7 +140,7 @@ static void act(run *c, double t, const real *y, const real *f, real *u, real *r
   }}
   for (int i = 0; i < S; i++) rate[i] = out[N + i];
 #if {has_limits}
-  count_limits(c, wanted & covered & well, t, y, m, out, u, rate);
+  count_limits(c, wanted & covered & well, t, seen, m, out, u, rate);
 #endif
 }}
 
@@ -131,7 +151,7 @@ static void drive(run *c, double t, const real *y, int sampled, real *u, real *f
     for (int i = 0; i < N; i++) u[i] = c->held[i];
     for (int i = 0; i < S; i++) rate[i] = SAME(0.0);
   }} else {{
-    act(c, t, y, f, u, rate);
+    act(c, t, y, y, f, u, rate);
   }}
 }}
 
@@ -146,18 +166,18 @@ static void field(run *c, double t, const real *y, int sampled, real *u, real *f
 
 SENSE = """
 /* The momentum observer at sample k: shown, sum of torques, last torque, then time, momentum, modeled, estimate. */
-static void sense(run *c, long k, double t, const real *y, int sampled, long due, real *kept) {
+static void sense(run *c, long k, double t, const real *y, const real *seen, int sampled, long due, real *kept) {
   real *sum = kept + N, *last = kept + 2 * N, *own = kept + 3 * N, u[N], f[N], rate[S + B + 1];
   if (k == 0) {
     for (int i = 0; i < SENSOR; i++) kept[i] = SAME(0.0);
-    c->uncovered |= c->alive & ~begin(c->alive, SAME(t), y, y + N, NULL, NULL, c->p + P_OBSERVER, own + 1);
+    c->uncovered |= c->alive & ~begin(c->alive, SAME(t), seen, seen + N, NULL, NULL, c->p + P_OBSERVER, own + 1);
   } else {
     drive(c, t, y, sampled, u, f, rate);
     for (int i = 0; i < N; i++) sum[i] += 0.5 * (last[i] + u[i]);
     if (k % due == 0) {
       real out[3 * N + 1];
       for (int i = 0; i < N; i++) sum[i] = sum[i] / (double)due;
-      c->uncovered |= c->alive & ~observe(c->alive, SAME(t), y, y + N, own, sum, c->p + P_OBSERVER, out);
+      c->uncovered |= c->alive & ~observe(c->alive, SAME(t), seen, seen + N, own, sum, c->p + P_OBSERVER, out);
       for (int i = 0; i < 3 * N + 1; i++) own[i] = out[i];
       for (int i = 0; i < N; i++) sum[i] = SAME(0.0);
     }
@@ -169,7 +189,7 @@ static void sense(run *c, long k, double t, const real *y, int sampled, long due
 FEEL = """
 /* The force sensor of each lane at sample k. Its row: samples between two updates, updates until one is shown,
    whether there is noise, bias, largest magnitude, the updates that are on their way, noise of each update. */
-static void sense(run *c, long k, double t, const real *y, int sampled, long due, real *kept) {
+static void sense(run *c, long k, double t, const real *y, const real *seen, int sampled, long due, real *kept) {
   real f[N], rate[S + B + 1];
   surroundings(c, t, y, f, rate + S);
   for (int lane = 0; lane < LANES; lane++) {
@@ -188,7 +208,7 @@ static void sense(run *c, long k, double t, const real *y, int sampled, long due
     const double *shown = way + (update - late) % (late + 1) * N;
     for (int i = 0; i < N; i++) AT(kept[i], lane) = shown[i];
   }
-  (void)sampled; (void)due;
+  (void)seen; (void)sampled; (void)due;
 }
 """
 
@@ -323,7 +343,7 @@ static void step(run *c, int method, double t, const real *y, double dt, int sam
 /* One instant: what a run would find there. */
 void phcontrol_field(double t, const real *y, const real *p, const real *limit, const real *steady,
                      const double *const *signals, real *u, real *f, real *dy, long long *status) {{
-  run c = {{p, limit, steady, signals, NULL, NULL, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+  run c = {{p, limit, steady, signals, NULL, NULL, NULL, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
   real shown[N + 1];
   for (int i = 0; i < N; i++) shown[i] = SAME(0.0);
   c.shown = shown;
@@ -334,29 +354,45 @@ void phcontrol_field(double t, const real *y, const real *p, const real *limit, 
 
 /* Samples first to last of steps + 1. Row 0 of each record is that of sample first; of states it is given, and a row
    is made for the sample after last. Where there are fewer rows than samples, they are written over, again and again.
-   stride: of a sampled law; 0 for a continuous one. due: of the sensor. A lane whose status is not 0 has ended, at the
+   stride: of a sampled law; 0 for a continuous one. late: samples until a torque that was ordered acts; line: room for
+   those that are on their way, late / stride + 1. due: of the sensor. A lane whose status is not 0 has ended, at the
    sample that it has reached; ends: the states of all lanes there. */
-void phcontrol_run(long first, long last, long rows, long steps, double dt, long stride, double period, long due,
-                   int method, const real *p, const real *limit, const real *steady, const double *const *signals,
-                   double *const *felt, real *carry, real *states, real *torques, real *external, real *readings,
-                   real *ends, long long *status, long long *reached) {{
-  run c = {{p, limit, steady, signals, felt, carry, carry + HELD, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+void phcontrol_run(long first, long last, long rows, long steps, double dt, long stride, double period, long late,
+                   long due, int method, const real *p, const real *limit, const real *steady,
+                   const double *const *signals, double *const *felt, double *const *joints, real *carry, real *line,
+                   real *states, real *torques, real *external, real *readings, real *read, real *ends,
+                   long long *status, long long *reached) {{
+  run c = {{p, limit, steady, signals, felt, joints, carry, carry + HELD,
+           EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
   const int sampled = stride > 0;
-  real a[Y], rate[S + B + 1];
+  const long places = sampled ? late / stride + 1 : 0;
+  real a[Y], rate[S + B + 1], view[2 * N + S];
   for (int lane = 0; lane < LANES; lane++) AT(c.alive, lane) = status[lane] ? 0 : -1;
   (void)due; (void)readings; (void)rate;
   for (long k = first; k <= last && any(c.alive); k++) {{
     const double t = (double)k * dt;
     const long row = (k - first) % rows;
     real *y = states + row * Y, *u = torques + row * N, *f = external + row * N;
+    const real *seen = y;
+    if (joints) {{
+      real *shown = read + row * 2 * N;
+      read_joints(&c, k, y, shown);
+      for (int i = 0; i < 2 * N; i++) view[i] = shown[i];
+      seen = view;
+    }}
 #if {has_sensor}
-    sense(&c, k, t, y, sampled, due, c.shown);
+    sense(&c, k, t, y, seen, sampled, due, c.shown);
     for (int i = 0; i < N; i++) readings[row * N + i] = c.shown[i];
 #endif
     if (sampled && k % stride == 0) {{
       for (int i = 0; i < S; i++) y[2 * N + i] += period * c.held[N + i];
+      for (int i = 0; i < S; i++) view[2 * N + i] = y[2 * N + i];
       surroundings(&c, t, y, f, rate + S);
-      act(&c, t, y, f, c.held, c.held + N);
+      act(&c, t, y, seen, f, line + k / stride % places * N, c.held + N);
+    }}
+    if (sampled && k >= late && (k - late) % stride == 0) {{
+      const real *acts = line + (k - late) / stride % places * N;
+      for (int i = 0; i < N; i++) c.held[i] = acts[i];
     }}
     field(&c, t, y, sampled, u, f, a);
 #if {has_sensor}

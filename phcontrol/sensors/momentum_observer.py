@@ -51,6 +51,7 @@ class MomentumObserver:
     """
 
     quantity = "external_force"
+    reads_joints = True
 
     def __init__(self, system: MechanicalSystem, gain: float = 50.0, *, period: float | None = None) -> None:
         check_system(system)

@@ -9,7 +9,11 @@ from phcontrol.mechanics.state import MechanicalState
 
 
 class Sensor(Protocol):
-    """A sensor without hidden state: its state is made by ``start``, returned by ``update`` and kept by the loop."""
+    """A sensor without hidden state: its state is made by ``start``, returned by ``update`` and kept by the loop.
+
+    One that computes with q and q̇ as they are measured, and not as they are, has a true ``reads_joints``: where a run
+    has a :class:`JointSensor`, it is given what that shows.
+    """
 
     quantity: str
     """The field of Measured that it fills."""

@@ -20,13 +20,16 @@ from phcontrol.exceptions import (
 )
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.safety.torque_filter import TorqueFilter
+from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.setpoints.setpoint import Setpoint
 from phcontrol.simulation.compiled_run import Prepared, plan_of, prepared, run_compiled
+from phcontrol.simulation.instruments import Encoders
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.run import Run
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
+from phcontrol.simulation.torque_line import TorqueLine
 from phcontrol.simulation.vector_field import NOTHING_HELD, ExternalForce
 from phcontrol.vision.scene import Scene
 
@@ -50,6 +53,8 @@ def simulate(
     sensors: Sequence[Sensor] | None = None,
     bodies: Sequence[Body] = (),
     scene: Scene | None = None,
+    joint_sensor: JointSensor | None = None,
+    torque_delay: float = 0.0,
     setpoint: Setpoint | None = None,
     progress: bool | None = None,
     watch: Callable[[Log], None] | None = None,
@@ -79,6 +84,11 @@ def simulate(
         bodies: what the arm can touch; their states are integrated with the loop. Warns when dt is too long for one.
         scene: what a camera in the hand sees, for laws that need image features; a state that it has is integrated
             with the loop.
+        joint_sensor: shows a sampled law q and q̇ with the faults of a :class:`JointSensor`; by default they are the
+            truth. ``Log.measured`` has what was shown.
+        torque_delay: time from ordering a torque to its acting, of a sampled law [s]; a whole multiple of dt. Until
+            the first acts, the arm is held by the torque with which the law's model rests at the start as it is
+            shown, clipped like all others. A torque filter does not count with it. ``Log.torque`` is what acts.
         setpoint: what is changed while the run goes on; brought up to date before each step. For one run only.
         progress: show a progress bar; by default only on a terminal.
         watch: called after each sample with the log so far, for instance a ``LiveView``.
@@ -110,6 +120,7 @@ def simulate(
         system, controller, duration=duration, dt=dt, q0=q0, v0=v0, controller_state0=controller_state0,
         disturbance=disturbance, integrator=integrator, control_period=control_period, torque_limit=torque_limit,
         torque_filter=torque_filter, sensors=sensors, bodies=bodies, scene=scene,
+        joint_sensor=joint_sensor, torque_delay=torque_delay,
     )  # fmt: skip
     log = run.log()
     if flag("compiled", compiled):
@@ -121,20 +132,27 @@ def simulate(
     sampled, instruments, stride, step = run.sampled, run.instruments, run.stride, INTEGRATORS[run.integrator].step
     disable = None if progress is None else not progress
     done, k, held = 0, 0, NOTHING_HELD
+    line, view = TorqueLine(run.late, run.first_torque), None
+    encoders = None if run.joint_sensor is None else Encoders(run.joint_sensor)
     try:
         with np.errstate(all="ignore"), tqdm(total=steps, unit="step", disable=disable, delay=0.5, leave=False) as bar:
             for k in range(steps + 1):
                 t = k * dt
                 if setpoint is not None:
                     setpoint.advance(t)
+                if encoders is not None:
+                    view = encoders.observe(t, loop.plant_state(y))
+                    log.record_joints(k, view)
                 if instruments is not None:
-                    measured = instruments.observe(k, t, loop, y, held)
+                    measured = instruments.observe(k, t, loop, y, held, view)
                     log.record_measured(k, measured)
                     held = held._replace(measured=measured)
-                if sampled is not None and k % stride == 0:
-                    y, torque = loop.sample(sampled, t, y, held.measured)
-                    held = held._replace(torque=torque)
-                elif sampled is None and controller.jumps:
+                if sampled is not None:
+                    if k % stride == 0:
+                        y, torque = loop.sample(sampled, t, y, held.measured, view)
+                        line.order(k, torque)
+                    held = held._replace(torque=line.acting(k))
+                elif controller.jumps:
                     y = loop.jump(t, y, held.measured)
                 found = loop.evaluate(t, y, held)
                 log.record(k, t, y, found)

@@ -20,6 +20,7 @@ from phcontrol.sensors.measured import Measured
 from phcontrol.sensors.momentum_observer import MomentumObserver
 from phcontrol.simulation.felt import felt_by, is_felt
 from phcontrol.simulation.instruments import due_of
+from phcontrol.simulation.joint_readings import joint_readings
 from phcontrol.simulation.run import Run
 from phcontrol.simulation.vector_field import ClosedLoop, Held
 
@@ -216,10 +217,15 @@ def difference_at(loop: ClosedLoop, observed: bool, t: float, y: Array, found: t
 
 
 def set_up(block: Block, loops: Sequence[ClosedLoop], signals: Sequence[Signals], runs: Sequence[Run] = ()) -> None:
-    """Give the runs of a block their torque limits and disturbances, and those that go on their force sensors."""
+    """Give the runs of a block their torque limits and disturbances, and those that go on their sensors."""
     rows = [felt_by(run.sensors[0], run.loop.n, run.steps, run.dt) for run in runs if run.sensors]
     if any(row is not None for row in rows):
         block.set_felt([row for row in rows if row is not None])
+    read = [joint_readings(run.joint_sensor, run.loop.n, run.steps, run.dt) for run in runs if run.joint_sensor]
+    if read:
+        block.set_joints(read)
+    for lane, run in enumerate(runs):
+        block.first[:, lane] = run.first_torque
     for lane, (loop, disturbance) in enumerate(zip(loops, signals, strict=True)):
         block.limit[:, lane] = np.inf if loop.torque_limit is None else loop.torque_limit
         block.steady[:, lane] = disturbance.steady
@@ -244,7 +250,8 @@ def plan_of(run: Run) -> Plan:
     """Return how a run is simulated."""
     from phcontrol.compilation.compiled_loop import Plan
 
-    return Plan(run.steps, run.dt, run.integrator, run.stride, run.control_period or 0.0, due_of(run.sensors, run.dt))
+    period, due = run.control_period or 0.0, due_of(run.sensors, run.dt)
+    return Plan(run.steps, run.dt, run.integrator, run.stride, period, due, run.late)
 
 
 def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int, Record], None]) -> bool:
@@ -257,7 +264,7 @@ def run_compiled(found: Prepared, run: Run, plan: Plan, sink: Callable[[int, int
     chunk = min(5000, plan.steps + 1)
     block = found.loop.block([found.numbers], lanes=False)
     set_up(block, [run.loop], [found.signals], [run])
-    record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors))
+    record = Record.empty(found.loop, chunk, block.lanes, bool(run.sensors), run.joint_sensor is not None)
     record.states[0, :, 0] = run.start
     last = np.abs(run.start).max(initial=0.0)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from phcontrol._validation import Array, choice
 from phcontrol.exceptions import DataFileError, InvalidArgumentError, PHControlError
+from phcontrol.mechanics.state import MechanicalState
 from phcontrol.sensors.measured import Measured
 from phcontrol.simulation.derived import DERIVED, OPTIONAL, PARTS, Sample, derive, names_of, true_measurement
 from phcontrol.simulation.frame_motion import FrameMotion
@@ -25,6 +26,10 @@ from phcontrol.simulation.vector_field import ClosedLoop, Evaluation
 
 if TYPE_CHECKING:
     import pandas
+
+
+JOINTS_SHOWN = ("position", "velocity")
+"""What a joint sensor shows, as quantities in ``Log.measured``."""
 
 
 class Log(Exported):
@@ -111,15 +116,19 @@ class Log(Exported):
             data["features"][k] = found.features
         self._length = k + 1
 
-    def fill(self, first: int, dt: float, states: Array, torques: Array, forces: Array, shown: Array) -> None:
+    def fill(
+        self, first: int, dt: float, states: Array, torques: Array, forces: Array, shown: Array, joints: Array
+    ) -> None:
         """Write what a run in C recorded: rows from sample first on."""
         rows, data = slice(first, first + len(states)), self._data
         data["time"][rows] = dt * np.arange(first, first + len(states))
         self._states[rows] = states
         data["torque"][rows], data["external_force"][rows] = torques, forces
+        halves = np.split(joints, 2, axis=1)
+        of_joints = {f"{MEASURED}{name}": half for name, half in zip(JOINTS_SHOWN, halves, strict=True)}
         for name in data:
             if name.startswith(MEASURED):
-                data[name][rows] = shown
+                data[name][rows] = of_joints.get(name, shown)
 
     def end(self, samples: int) -> None:
         """Say how many samples a run in C has recorded."""
@@ -130,6 +139,11 @@ class Log(Exported):
         for quantity, value in measured._asdict().items():
             if value is not None:
                 self._data[f"{MEASURED}{quantity}"][k] = value
+
+    def record_joints(self, k: int, seen: MechanicalState) -> None:
+        """Write what the joint sensor showed at sample k."""
+        for name in JOINTS_SHOWN:
+            self._data[f"{MEASURED}{name}"][k] = getattr(seen, name)
 
     def record_filter(self, k: int, sampled: SampledControl) -> None:
         """Write what the torque filter did in the period of sample k."""
@@ -197,7 +211,10 @@ class Log(Exported):
 
     @property
     def measured(self) -> dict[str, Array]:
-        """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth."""
+        """What sensors showed, shape (N, n), by quantity; empty when the controller was shown the truth.
+
+        "external_force" and other fields of ``Measured``; "position" and "velocity" of a joint sensor.
+        """
         return {name[len(MEASURED) :]: array for name, array in self._data.items() if name.startswith(MEASURED)}
 
     @property

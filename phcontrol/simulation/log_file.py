@@ -300,6 +300,7 @@ _ENTRIES: dict[str, tuple[bool, Callable[[Any], bool], str]] = {
     "seeds": (False, _table_of(_or_none(_is_whole)), "a table of whole numbers"),
     "dt": (False, _is_positive, "a number > 0"),
     "control_period": (False, _or_none(_is_positive), "a number > 0 or null"),
+    "torque_delay": (False, lambda value: value == 0.0 or _is_positive(value), "a number >= 0"),
     "torque_limit": (False, _or_none(_list_of(_is_positive)), "a list of numbers > 0"),
     "versions": (False, _table_of(_is_text), "a table of text"),
 }

@@ -295,7 +295,7 @@ class ManyRuns:
         run, plan = numbered[0].run, plan_of(numbered[0].run)
         ends_alone = self._measure == "final_state"
         rows = min(_ROWS, plan.steps + 1) if ends_alone else plan.steps + 1
-        record = Record.empty(made, rows, block.lanes, bool(run.sensors))
+        record = Record.empty(made, rows, block.lanes, bool(run.sensors), run.joint_sensor is not None)
         record.states[0] = start
         block.advance(plan, 0, plan.steps, record)
         return block, [] if ends_alone else [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record]

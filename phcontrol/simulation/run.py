@@ -12,18 +12,30 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from phcontrol._validation import Array, choice, per_joint, positive, sequence, vector, whole_multiple
+from phcontrol._validation import (
+    Array,
+    choice,
+    instance,
+    number,
+    per_joint,
+    positive,
+    sequence,
+    vector,
+    whole_multiple,
+)
 from phcontrol._version import __version__
 from phcontrol.controllers.controller import Controller, check_loop
 from phcontrol.environments.body import Body
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.state import MechanicalState
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.safety.clipping import clipped
 from phcontrol.safety.torque_filter import TorqueFilter
+from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.sensor import Sensor
-from phcontrol.simulation.instruments import Instruments
+from phcontrol.simulation.instruments import Encoders, Instruments
 from phcontrol.simulation.integrators import INTEGRATORS
-from phcontrol.simulation.log import Log
+from phcontrol.simulation.log import JOINTS_SHOWN, Log
 from phcontrol.simulation.sampled_control import SampledControl, check_filter
 from phcontrol.simulation.vector_field import ClosedLoop, ExternalForce
 from phcontrol.vision.scene import Scene
@@ -56,6 +68,8 @@ class Run:
         sensors: Sequence[Sensor] | None = None,
         bodies: Sequence[Body] = (),
         scene: Scene | None = None,
+        joint_sensor: JointSensor | None = None,
+        torque_delay: float = 0.0,
     ) -> None:
         check_loop(controller, system)
         self.dt, duration = positive("dt", dt), positive("duration", duration)
@@ -70,7 +84,12 @@ class Run:
             raise InvalidArgumentError("controller", f"is for {controller.system.n} joints, the system has {system.n}")
         position = vector("q0", system.robot.home if q0 is None else q0, system.n)
         velocity = vector("v0", np.zeros(system.n) if v0 is None else v0, system.n)
-        state = controller.initial_state(controller.system.at(position, velocity))
+        self.joint_sensor = joint_sensor
+        start = system.at(position, velocity)
+        if joint_sensor is not None:
+            start = Encoders(instance("joint_sensor", joint_sensor, JointSensor)).observe(0.0, start)
+        seen = start.seen_by(controller.system)
+        state = controller.initial_state(seen)
         if controller_state0 is not None:
             state = vector("controller_state0", controller_state0, state.size)
         if control_period is not None:
@@ -86,6 +105,15 @@ class Run:
             None if control_period is None else SampledControl(controller, control_period, limit, torque_filter)
         )
         """The sampled controller; None for a continuous one."""
+        self.torque_delay = number("torque_delay", torque_delay, minimum=0.0)
+        for name, given in (("joint_sensor", joint_sensor is not None), ("torque_delay", self.torque_delay > 0.0)):
+            if given and control_period is None:
+                raise InvalidArgumentError(name, "is of a sampled law: give control_period, too")
+        late = whole_multiple("torque_delay", self.torque_delay, self.dt) if self.torque_delay else 0
+        self.late = min(late, self.steps + 1)
+        """Steps from ordering a torque to its acting; more than the run has are one more than that."""
+        self.first_torque = np.zeros(system.n) if not late else _holding(seen, limit)
+        """What acts until the first that was ordered, shape (n,) [N·m]."""
         _check_scene(controller, scene, sensors)
         body_state = _check_bodies(bodies, system.at(position, velocity), self.dt, integrator)
         scene_state = np.zeros(0) if scene is None else scene.initial_state()
@@ -104,7 +132,10 @@ class Run:
             loop,
             self.steps + 1,
             *self._sizes,
-            [] if self.instruments is None else [sensor.quantity for sensor in self.instruments.sensors],
+            [
+                *([] if self.instruments is None else [sensor.quantity for sensor in self.instruments.sensors]),
+                *([] if self.joint_sensor is None else JOINTS_SHOWN),
+            ],
             {
                 "robot": system.robot.name,
                 "controller": controller.name,
@@ -112,17 +143,25 @@ class Run:
                 "joint_names": list(system.robot.joint_names),
                 "robot_record": system.robot.record(),
                 "bodies": [body.record() for body in loop.bodies],
-                "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")},
+                "seeds": {sensor.quantity: sensor.seed for sensor in sensors or () if hasattr(sensor, "seed")}
+                | ({} if self.joint_sensor is None else {"joints": self.joint_sensor.seed}),
                 "sight": _sight(loop),
                 "wrench_frames": [wrench.frame for wrench in loop.wrenches],
                 "dt": self.dt,
                 "integrator": self.integrator,
                 "control_period": self.control_period,
+                "torque_delay": self.torque_delay,
                 "versions": {"phcontrol": __version__, "pinocchio": pin.__version__, "numpy": np.__version__,
                              "python": platform.python_version()},
             },
             filtered=self.filter is not None,
         )  # fmt: skip
+
+
+def _holding(x: MechanicalState, limit: Array | None) -> Array:
+    """Return the torque that holds an arm at rest at a state of a model, inside the limits [N·m]."""
+    torque = x.motor_torque(x.potential_gradient)
+    return torque if limit is None else clipped(torque, -limit, limit)
 
 
 def _disturbance(value: Any, n: int) -> ExternalForce | Array | None:

@@ -15,6 +15,7 @@ from phcontrol.controllers.controller import Controller
 from phcontrol.environments.body import Body
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.mechanics.system import MechanicalSystem
+from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.sensors.sensor import Sensor
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.log import Log
@@ -39,6 +40,8 @@ def simulate_many(
     torque_limit: Literal["robot"] | ArrayLike | None = "robot",
     sensors: Sequence[Sensor] | Sequence[Sequence[Sensor]] | None = None,
     bodies: Sequence[Body] | Sequence[Sequence[Body]] = (),
+    joint_sensor: JointSensor | Sequence[JointSensor] | None = None,
+    torque_delay: float = 0.0,
     measure: Literal["log", "final_state"] | Callable[[Log], Any] = "log",
     workers: int | None = None,
     progress: bool | None = None,
@@ -46,14 +49,14 @@ def simulate_many(
 ) -> list[Outcome]:
     """Run many closed loops and return what became of each, in their order.
 
-    ``system``, ``controller``, ``q0``, ``v0``, ``controller_state0``, ``disturbance``, ``sensors`` and ``bodies`` are
-    one for all runs, or a sequence with one for each (of states: an array with a row for each). All else is as of
-    :func:`simulate`, and so is each run.
+    ``system``, ``controller``, ``q0``, ``v0``, ``controller_state0``, ``disturbance``, ``sensors``, ``bodies`` and
+    ``joint_sensor`` are one for all runs, or a sequence with one for each (of states: an array with a row for each).
+    All else is as of :func:`simulate`, and so is each run.
 
     Loops that differ in numbers only (initial states; gains, goals, tables and single numbers of laws; gravity,
-    friction, springs, and inertias of the arms; disturbances; force sensors; contacts) are compiled once and together,
-    and go on eight at a time in the lanes of a vector, each to the last bit as by itself, over threads. Only the
-    inertias that differ between the runs are inputs of the code. What is not compiled is simulated interpreted, one
+    friction, springs, and inertias of the arms; disturbances; force and joint sensors; contacts) are compiled once and
+    together, and go on eight at a time in the lanes of a vector, each to the last bit as by itself, over threads. Only
+    the inertias that differ between the runs are inputs of the code. What is not compiled is simulated interpreted, one
     run after the other; a CompilationWarning says so once.
 
     A run that fails is an outcome with its error, and not the end; so is one whose arguments are refused, or whose law,
@@ -73,6 +76,8 @@ def simulate_many(
         torque_limit: see ``simulate``.
         sensors: see ``simulate``; or a sequence of them for each run (with a seed each, for noise of its own).
         bodies: what the arm can touch, or a sequence of them for each run.
+        joint_sensor: see ``simulate``; or a sequence with one for each run (with a seed each).
+        torque_delay: see ``simulate``.
         measure: "log" for logs; "final_state" for (q, q̇, controller state, bodies' states) at the end, for which no
             trajectory is kept; or a function of a log, which is let go after it. It is called in this thread.
         workers: threads; by default one for each processor that there is for this process.
@@ -109,6 +114,7 @@ def simulate_many(
         "disturbance": _disturbances(disturbance),
         "sensors": _lists(sensors),
         "bodies": _lists(bodies),
+        "joint_sensor": None if joint_sensor is None else _of_kind("joint_sensor", joint_sensor, JointSensor),
     }
     lengths = {name: len(value) for name, value in each.items() if value is not None}
     count = max(lengths.values(), default=1)
@@ -120,6 +126,7 @@ def simulate_many(
         "system": system, "controller": controller, "q0": q0, "v0": v0, "controller_state0": controller_state0,
         "disturbance": disturbance, "bodies": bodies, "duration": duration, "dt": dt, "integrator": integrator,
         "control_period": control_period, "torque_limit": torque_limit, "sensors": sensors,
+        "joint_sensor": joint_sensor, "torque_delay": torque_delay,
     }  # fmt: skip
     varied = {name: value for name, value in each.items() if value is not None}
 

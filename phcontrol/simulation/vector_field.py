@@ -161,18 +161,29 @@ class ClosedLoop:
         x = self.plant_state(y)
         return self._act(t, x, y, self.surroundings(t, x, y), held)[0]
 
-    def sample(self, sampled: SampledControl, t: float, y: Array, measured: Measured | None) -> tuple[Array, Array]:
-        """Return y with the controller's state one period on, and the torque to be held from now on [N·m]."""
+    def sample(
+        self,
+        sampled: SampledControl,
+        t: float,
+        y: Array,
+        measured: Measured | None,
+        seen: MechanicalState | None = None,
+    ) -> tuple[Array, Array]:
+        """Return y with the controller's state one period on, and the torque that the law orders [N·m].
+
+        ``seen`` is the plant's state as a joint sensor shows it to the law; None for the truth.
+        """
         states = slice(self._end, self._bodies_start)
         state = sampled.advance(y[states])
         x = self.plant_state(y)
         if measured is None:
             measured = self._truth(t, x, y)
-        state = self.controller.jump(t, x.seen_by(self.model), state, measured)
+        view = (x if seen is None else seen).seen_by(self.model)
+        state = self.controller.jump(t, view, state, measured)
         if state.size:
             y = y.copy()
             y[states] = state
-        return y, sampled.step(t, x.seen_by(self.model), state, measured)
+        return y, sampled.step(t, view, state, measured)
 
     def jump(self, t: float, y: Array, measured: Measured | None) -> Array:
         """Return y after what happens at once to the controller's state."""
@@ -184,7 +195,7 @@ class ClosedLoop:
         return after
 
     def plant_state(self, y: Array) -> MechanicalState:
-        """Return the plant's state at y."""
+        """Return the plant's state at y, which begins with q and q̇."""
         return self._plant_state(self.plant, y[: self.n], y[self.n : self._end])
 
     def surroundings(self, t: float, x: MechanicalState, y: Array) -> Surroundings:

@@ -21,7 +21,7 @@ from phcontrol.sweeps.measure import evaluate, of_loops, text_of
 from phcontrol.sweeps.scenarios import Scenarios
 
 _MADE = threading.local()  # an arm serves one thread
-_VARIED = ("system", "controller", "q0", "v0", "disturbance", "sensors", "bodies")
+_VARIED = ("system", "controller", "q0", "v0", "disturbance", "sensors", "joint_sensor", "bodies")
 
 
 class Chunk(NamedTuple):
@@ -91,7 +91,7 @@ def rows_of(scenarios: Scenarios, first: int, numbers: Array, compiled: bool) ->
         except Exception as error:
             found[run] = Row({}, text_of(error), False)
             continue
-        alike.setdefault(arguments["control_period"], {})[run] = arguments
+        alike.setdefault((arguments["control_period"], arguments["torque_delay"]), {})[run] = arguments
     for together in alike.values():
         found |= dict(_simulated(scenarios, together, compiled))
     return [found[run] for run in runs]
@@ -101,8 +101,9 @@ def _simulated(scenarios: Scenarios, loops: dict[int, dict[str, Any]], compiled:
     """Yield what became of runs that go on together; one after another where one of them breaks what all do."""
     common = {name: value for name, value in next(iter(loops.values())).items() if name not in _VARIED}
     varied: dict[str, Any] = {name: [loop[name] for loop in loops.values()] for name in _VARIED}
-    if varied["sensors"][0] is None:
-        varied["sensors"] = None
+    for name in ("sensors", "joint_sensor"):
+        if varied[name][0] is None:
+            varied[name] = None
 
     def measured(log: Log) -> dict[str, float | str]:
         nominal = scenarios.nominal

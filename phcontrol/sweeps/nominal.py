@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phcontrol._validation import Array, choice, flag, number, positive, text
+from phcontrol._validation import Array, choice, flag, number, per_joint, positive, text, whole_multiple
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.registry import find_law, make_controller
 from phcontrol.environments.body import Body
@@ -23,18 +23,31 @@ from phcontrol.mechanics.payload import Payload
 from phcontrol.mechanics.robot import Robot
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.sensors.force_sensor import ForceSensor
+from phcontrol.sensors.joint_sensor import JointSensor
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.trajectories.minimum_jerk import MinimumJerk
 
 SECTIONS = {
     "arm": ("robot", "locked_joints", "armature", "friction", "payload", "hand"),
     "law": ("name", "goal", "interconnection", "reference", "options"),
-    "run": ("duration", "dt", "control_period", "integrator", "torque_limit", "start"),
+    "run": ("duration", "dt", "control_period", "integrator", "torque_limit", "torque_delay", "start"),
     "sensor": ("noise", "bias", "delay", "period"),
+    "joint_sensor": (
+        "position_noise",
+        "position_bias",
+        "position_resolution",
+        "velocity_noise",
+        "velocity_bias",
+        "velocity_resolution",
+        "delay",
+    ),
     "disturbance": ("start", "duration"),
     "contact": ("joint", "position", "side", "frame", "radius", "stiffness", "damping"),
 }
 """What describes the nominal loop, and the entries of each part."""
+OF_JOINTS = ("position_noise", "position_resolution", "velocity_noise", "velocity_resolution", "joint_delay")
+OF_EACH_JOINT = ("position_bias", "velocity_bias")
+"""What varies of the joint sensor: one number for all joints, and one for each."""
 REFERENCES = ("none", "minimum_jerk")
 
 
@@ -54,6 +67,7 @@ class Nominal:
         parts = {name: checked_section(name, description.get(name, {})) for name in SECTIONS}
         arm, law, self.run = parts["arm"], parts["law"], self._run_of(parts["run"])
         self._sensor, self._disturbance, self._contact = parts["sensor"], parts["disturbance"], parts["contact"]
+        self._joint_sensor = parts["joint_sensor"]
         carried = arm.get("payload")
         self.robot: Robot = load_robot(
             text("arm.robot", arm.get("robot")),
@@ -71,6 +85,7 @@ class Nominal:
         self.start: Array = np.array(self.robot.home if start is None else self.robot.position(start, "run.start"))
         self.law = self._law_of(law)
         self._joints = {name: index for index, name in enumerate(self.robot.joint_names)}
+        JointSensor(**self._joint_sensor).faults(self.robot.n)
 
     @property
     def goal(self) -> Array | None:
@@ -92,8 +107,10 @@ class Nominal:
             "v0": self._per_joint("initial_velocity", values),
             "disturbance": self._disturbed(values),
             "sensors": self._sensors(values, seed),
+            "joint_sensor": self._encoders(values, seed),
             "bodies": self._bodies(values),
             "control_period": values.get("control_period", self.run["control_period"]),
+            "torque_delay": values.get("torque_delay", self.run["torque_delay"]),
         }
 
     # --- parts --------------------------------------------------------------------------------------
@@ -102,10 +119,14 @@ class Nominal:
         if "duration" not in run:
             raise InvalidArgumentError("run.duration", "must be given [s]")
         limited = flag("run.torque_limit", run.get("torque_limit", True))
-        period = run.get("control_period")
+        period, dt = run.get("control_period"), positive("run.dt", run.get("dt", 1e-3))
+        late = number("run.torque_delay", run.get("torque_delay", 0.0), minimum=0.0)
+        if late:
+            whole_multiple("run.torque_delay", late, dt)
         return {
             "duration": positive("run.duration", run["duration"]),
-            "dt": positive("run.dt", run.get("dt", 1e-3)),
+            "dt": dt,
+            "torque_delay": late,
             "integrator": choice("integrator", run.get("integrator", "rk4"), INTEGRATORS),
             "control_period": None if period is None else positive("run.control_period", period),
             "torque_limit": "robot" if limited else None,
@@ -209,6 +230,20 @@ class Nominal:
         }
         return [ForceSensor(**chosen, seed=seed)] if chosen else None
 
+    def _encoders(self, values: Mapping[str, float], seed: int) -> JointSensor | None:
+        """Return the joint sensor; None where nothing of it is described, nor varied."""
+        heads = {name.partition(".")[0] for name in values}
+        if not self._joint_sensor and not heads & {*OF_JOINTS, *OF_EACH_JOINT}:
+            return None
+        chosen: dict[str, Any] = dict(self._joint_sensor)
+        chosen |= {name.replace("joint_delay", "delay"): values[name] for name in OF_JOINTS if name in values}
+        for name in OF_EACH_JOINT:
+            bias = np.array(per_joint(name, chosen.get(name, 0.0), self.robot.n))
+            for joint, index in self._joints.items():
+                bias[index] = values.get(f"{name}.{joint}", bias[index])
+            chosen[name] = bias
+        return JointSensor(**chosen, seed=seed)
+
     def _bodies(self, values: Mapping[str, float]) -> list[Body]:
         if not self._contact:
             return []
@@ -233,6 +268,11 @@ class Nominal:
                 "sensor", f"{self.law.name} is shown no force, so that its noise, bias and delay change nothing: "
                 "take a law that needs external_force ('phcontrol controllers')"
             )  # fmt: skip
+        of_sampled = [f"run.{name}" for name in ("torque_delay",) if self.run[name]]
+        of_sampled += ["joint_sensor"] if self._joint_sensor else []
+        of_sampled += sorted(heads & {*OF_JOINTS, *OF_EACH_JOINT, "torque_delay"})
+        if of_sampled and self.run["control_period"] is None and "control_period" not in heads:
+            raise InvalidArgumentError(of_sampled[0], "is of a sampled law: give run.control_period, too")
         touched = sorted(head for head in heads if head.startswith("contact_"))
         if touched and not self._contact:
             raise InvalidArgumentError(touched[0], "needs something to touch: describe it in [contact]")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, count, number
+from phcontrol._validation import Array, count, number, whole_multiple
 from phcontrol.exceptions import InvalidArgumentError, UnknownNameError
 from phcontrol.simulation.log import Log
 from phcontrol.sweeps.distribution import KINDS, Distribution
@@ -121,7 +121,15 @@ class Scenarios:
                     raise InvalidArgumentError(one, "is varied twice")
                 axes[one] = Distribution(one, given)
                 variable.check(axes[one])
+                if variable.listed:
+                    self._check_whole(one, axes[one].values)
         return axes
+
+    def _check_whole(self, name: str, times: Array | None) -> None:
+        """Raise InvalidArgumentError unless times [s] are whole multiples of dt; 0 is one."""
+        for time in () if times is None else times:
+            if time != 0.0:
+                whole_multiple(name, time, self.nominal.run["dt"])
 
     def _known_measure(self, name: str) -> str:
         if name not in self.measures:

@@ -43,7 +43,8 @@ class Sweep(Scenarios):
         sampling: ``method`` ("random", "latin_hypercube", "sobol", "grid", "list"), ``runs``, ``seed``, and ``chunk``,
             how many runs make a task and a part of the results.
         require: by measure, the number that it must not exceed for a run to count as good.
-        parts: what describes the nominal loop: ``arm``, ``law``, ``run``, ``sensor``, ``disturbance``, ``contact``.
+        parts: what describes the nominal loop: ``arm``, ``law``, ``run``, ``sensor`` (of forces), ``joint_sensor``,
+            ``disturbance``, ``contact``.
 
     Raises:
         UnknownNameError: no quantity, measure, law, robot, joint or entry has that name; lists those that exist.
