@@ -519,3 +519,18 @@ def test_the_default_stiffness_suits_the_hands_inertia(panda, desired):
     masses = [1.0 / (axis @ np.linalg.solve(x.mass_matrix, axis)) for axis in jacobian[:3]]
     expected = desired.get("bandwidth", BANDWIDTH) ** 2 * 3.0 / np.sum(1.0 / np.array(masses))
     np.testing.assert_allclose(law.translational_stiffness, expected * np.eye(3), rtol=1e-9)
+
+
+def test_a_law_that_is_led_has_no_goal_that_it_misses(panda):
+    path = FrameLine(panda.hand_frame, start := pose(panda, POSTURES[0]).translation, start + 0.1, 2.0)
+    law = CartesianImpedance.tuned(panda, reference=path)
+    assert tuple(law.out_of_reach) == tuple(law.pull_off) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("frame", "turns"), [("panda_link5", False), ("panda_link6", True)])
+def test_a_frame_that_five_joints_move_is_left_free_to_turn(panda, frame, turns):
+    """Six are needed to turn it any way: the rank of the Jacobian of its turning and moving at a posture at random."""
+    x = panda.at(POSTURES[0])
+    assert (np.linalg.matrix_rank(x.frame_jacobian(frame, "local")) == 6) == turns
+    law = CartesianImpedance.tuned(panda, frame=frame)
+    assert (law.rotational_stiffness is not None) == turns
