@@ -132,6 +132,23 @@ def test_the_damping_ratio_is_that_of_the_stiffness_at_the_time(panda, rng, axes
     np.testing.assert_allclose(law.task_damping_matrix(0.0, x), same.task_damping_matrix(0.0, x), rtol=1e-9, atol=1e-9)
 
 
+def test_a_stiffness_that_varies_for_moving_alone_leaves_that_for_turning(panda):
+    """D_x at a time is that of a law with K_t of that time and the same K_r."""
+    x, goal = panda.at(np.array(POSTURES[0]) + 0.1), pose(panda, POSTURES[0])
+    linear, turning = np.array([600.0, 600.0, 200.0]), np.array([30.0, 20.0, 10.0])
+    varied = Stiffness(lambda t: (1.0 + 8.0 * t) * linear, duration=1.0)
+    law = CartesianImpedance(
+        panda, goal=goal, variation=varied, translational_stiffness=linear, rotational_stiffness=turning
+    )
+    for t in (0.0, 0.5):
+        fixed = CartesianImpedance(
+            panda, goal=goal, translational_stiffness=(1.0 + 8.0 * t) * linear, rotational_stiffness=turning
+        )
+        np.testing.assert_allclose(
+            law.task_damping_matrix(t, x), fixed.task_damping_matrix(0.0, x), rtol=1e-9, atol=1e-9
+        )
+
+
 def test_what_the_hand_does_not_feel_is_damped_and_nothing_else(panda, rng):
     x = panda.at(POSTURES[0])
     law = CartesianImpedance(panda, goal=pose(panda, POSTURES[0]), nullspace_damping=4.0, **HAND)
