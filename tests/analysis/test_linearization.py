@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.analysis.sampled_loop import longest_stable_period
 from phcontrol.controllers.energy_shaping import EnergyShaping
 from phcontrol.controllers.registry import CONTROLLERS
 from phcontrol.sensors.measured import Measured
@@ -124,6 +126,17 @@ def test_the_longest_stable_period_is_where_a_run_begins_to_grow(delay):
     assert grown == [False, True]
     assert found.sampled(0.99 * longest, delay).stable
     assert not found.sampled(1.01 * longest, delay).stable
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_a_loop_that_is_unstable_by_itself_has_no_period(delay):
+    """The torque with its sign turned: K q + C v drives the joint off, however often it is computed."""
+    system = chain(1)
+    loop = linearize(EnergyShaping(system, goal=[0.0], stiffness=2.0, damping=0.5), system).jacobian
+    driven = replace(loop, law=-loop.law)
+    assert np.linalg.eigvals(driven.state).real.max() > 0.0
+    assert longest_stable_period(driven, delay, 1e-4, 1.0) == 0.0
+    assert longest_stable_period(loop, delay, 1e-4, 1.0) > 1e-3
 
 
 def test_one_joint_by_hand():

@@ -166,6 +166,7 @@ def test_speeds():
         ]
     )
     assert 1.9 < np.abs(usual).max() <= 2.0
+    assert (usual[usual != 0.0] > 0.0).mean() == pytest.approx(0.5, abs=0.05)
     assert (np.count_nonzero(usual, axis=1) == 1).mean() == pytest.approx(0.25, abs=0.06)
     assert (np.count_nonzero(usual, axis=1) == plant.n).mean() == pytest.approx(0.6, abs=0.06)
 
@@ -178,6 +179,7 @@ def test_forces_and_states_of_the_law_on_all_scales(law, field):
     assert (sizes[sizes > 0.0] < 1e-4).mean() > 0.08
     assert sizes.max() <= (2.0 if field == "force" else 30.0) * (1.0 + 1e-12)
     assert sizes.max() > (1.8 if field == "force" else 10.0)
+    assert (sizes > 2.0 * (1.0 + 1e-12)).mean() < 0.12  # of a logarithmic scale of 17 powers of e the last three
     alone = np.array([np.count_nonzero(getattr(at, field)) == 1 for at in states[1:SAMPLES]])
     assert 0.1 < alone.mean() < 0.3
 
@@ -200,6 +202,24 @@ def test_forces_on_the_tool():
     assert upright > 1.2 * level > 0.01 * SAMPLES
 
 
+def test_fields_are_drawn_each_by_itself():
+    """As often together as independent ones are: where it is says nothing of how fast it goes; nor sizes of sizes."""
+    _, _, units, states = drawn("force_feedback", "panda")
+    words = [set(at.stratum.split(", ")) for at in states[1:SAMPLES]]
+    for place in PLACES:
+        for speed in ("at rest", "slow", "fast"):
+            expected = sum(place in said for said in words) * sum(speed in said for said in words) / len(words)
+            together = sum({place, speed} <= said for said in words)
+            assert abs(together - expected) <= 4.0 * np.sqrt(expected) + 1.0, (place, speed)
+    forces, charges = (
+        np.array([np.abs(getattr(at, field) / getattr(units, field)).max() for at in states[1:SAMPLES]])
+        for field in ("force", "state")
+    )
+    small = (forces > 0.0) & (charges > 0.0) & (forces < 0.5) & (charges < 0.5)
+    assert small.sum() > 80
+    assert abs(np.corrcoef(np.log(forces[small]), np.log(charges[small]))[0, 1]) < 0.35
+
+
 def test_times():
     times = np.array([at.time for at in drawn("energy_shaping", "panda")[3][1:SAMPLES]])
     assert (times == 0.0).mean() == pytest.approx(0.125, abs=0.04)
@@ -209,6 +229,8 @@ def test_times():
     times = np.array([at.time for at in states[:SAMPLES]])
     assert times.min() == pytest.approx(5e-3)  # room for differences
     assert (times <= 1.25 * made.time_span).mean() > 0.6
+    late = (times >= 0.5 * made.time_span) & (times <= 1.25 * made.time_span)
+    assert late.mean() == pytest.approx(0.625 * 0.6, abs=0.06)  # 5 of 8 are even over 1.25 spans
     assert 20.0 * made.time_span < times.max() <= 200.0 * made.time_span
 
 

@@ -20,7 +20,7 @@ from phcontrol import (
 )
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.state_sampler import StateSampler
-from phcontrol.analysis.thin_states import SLIDING
+from phcontrol.analysis.thin_states import SLIDING, _blocks
 from phcontrol.sensors.measured import measure_truly
 from tests.analysis.test_wrong_laws import wrong
 from tests.conftest import make_system
@@ -168,6 +168,24 @@ def test_every_end_of_the_arm_is_once_alone_away_from_the_goal():
             blocks.add((int(joints[0]), int(joints[-1])))
     assert {(7 - k, 6) for k in range(2, 7)} <= blocks
     assert {(0, k - 1) for k in range(2, 7)} <= blocks
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
+def test_blocks_are_all_neighbours_but_not_all_joints_each_once(n):
+    blocks = [(block.start, block.stop) for block in _blocks(n)]
+    assert sorted(blocks) == [(a, b) for a in range(n) for b in range(a + 2, n + 1) if b - a < n]
+
+
+def test_a_rest_is_approached_over_six_decades_and_by_two_joints_over_the_last_two():
+    made, _, states = drawn("energy_shaping", "panda")
+    close = [np.abs(at.position - made.goal) for at in states if "from rest, " in at.stratum]
+    assert len(close) == 256 // 6
+    pairs = [away.max() for away in close if np.count_nonzero(away) == 2]
+    everywhere = [away.max() for away in close if np.count_nonzero(away) == 7]
+    assert len(pairs) == len(everywhere) == len(close) // 2
+    assert 0.2 * 1e-2 <= min(pairs) < 1e-1 < max(pairs) <= 1.0
+    decades = np.floor(np.log10(np.array(everywhere)))  # of the largest of seven numbers up to the distance
+    assert set(range(-6, 0)) <= set(decades.astype(int)) <= set(range(-7, 0))
 
 
 def test_a_force_that_a_law_cancels_balances_nothing_and_is_left_out():

@@ -101,6 +101,14 @@ def test_the_torque_knows_nothing_of_the_body(rng):
     np.testing.assert_array_equal(command.state_rate, blind.state_rate)
 
 
+def test_the_estimate_is_a_mass_and_its_first_moment():
+    model, arm = pair(locked_joints=FINGERS)
+    law = AdaptivePayload.tuned(model, frame="panda_hand", actual=arm)
+    mass, first = law.estimate(2.0 * law.body)
+    assert mass == pytest.approx(2.0 * BODY.mass)
+    np.testing.assert_allclose(first, 2.0 * BODY.mass * np.array(BODY.com), atol=1e-12)
+
+
 def test_an_unknown_kilogramme_is_found_and_the_hand_follows():
     """Estimate within 5 %, hand within 1 mm, H_d never grows; without adaptation the hand errs by centimetres."""
     model, arm = pair(locked_joints=FINGERS)

@@ -132,6 +132,23 @@ def test_the_damping_ratio_is_that_of_the_stiffness_at_the_time(panda, rng, axes
     np.testing.assert_allclose(law.task_damping_matrix(0.0, x), same.task_damping_matrix(0.0, x), rtol=1e-9, atol=1e-9)
 
 
+def test_a_stiffness_that_varies_for_moving_alone_leaves_that_for_turning(panda):
+    """D_x at a time is that of a law with K_t of that time and the same K_r."""
+    x, goal = panda.at(np.array(POSTURES[0]) + 0.1), pose(panda, POSTURES[0])
+    linear, turning = np.array([600.0, 600.0, 200.0]), np.array([30.0, 20.0, 10.0])
+    varied = Stiffness(lambda t: (1.0 + 8.0 * t) * linear, duration=1.0)
+    law = CartesianImpedance(
+        panda, goal=goal, variation=varied, translational_stiffness=linear, rotational_stiffness=turning
+    )
+    for t in (0.0, 0.5):
+        fixed = CartesianImpedance(
+            panda, goal=goal, translational_stiffness=(1.0 + 8.0 * t) * linear, rotational_stiffness=turning
+        )
+        np.testing.assert_allclose(
+            law.task_damping_matrix(t, x), fixed.task_damping_matrix(0.0, x), rtol=1e-9, atol=1e-9
+        )
+
+
 def test_what_the_hand_does_not_feel_is_damped_and_nothing_else(panda, rng):
     x = panda.at(POSTURES[0])
     law = CartesianImpedance(panda, goal=pose(panda, POSTURES[0]), nullspace_damping=4.0, **HAND)
@@ -519,3 +536,18 @@ def test_the_default_stiffness_suits_the_hands_inertia(panda, desired):
     masses = [1.0 / (axis @ np.linalg.solve(x.mass_matrix, axis)) for axis in jacobian[:3]]
     expected = desired.get("bandwidth", BANDWIDTH) ** 2 * 3.0 / np.sum(1.0 / np.array(masses))
     np.testing.assert_allclose(law.translational_stiffness, expected * np.eye(3), rtol=1e-9)
+
+
+def test_a_law_that_is_led_has_no_goal_that_it_misses(panda):
+    path = FrameLine(panda.hand_frame, start := pose(panda, POSTURES[0]).translation, start + 0.1, 2.0)
+    law = CartesianImpedance.tuned(panda, reference=path)
+    assert tuple(law.out_of_reach) == tuple(law.pull_off) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("frame", "turns"), [("panda_link5", False), ("panda_link6", True)])
+def test_a_frame_that_five_joints_move_is_left_free_to_turn(panda, frame, turns):
+    """Six are needed to turn it any way: the rank of the Jacobian of its turning and moving at a posture at random."""
+    x = panda.at(POSTURES[0])
+    assert (np.linalg.matrix_rank(x.frame_jacobian(frame, "local")) == 6) == turns
+    law = CartesianImpedance.tuned(panda, frame=frame)
+    assert (law.rotational_stiffness is not None) == turns

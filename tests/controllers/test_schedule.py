@@ -68,6 +68,13 @@ def test_needs_are_those_of_all_laws(shoulder, laws):
     assert schedule.needs == ("total_force",)
 
 
+def test_what_drives_any_of_the_laws_drives_it(shoulder, laws):
+    pressing = make_controller("force_control", shoulder, feedforward=False)
+    moved = Schedule([(0.0, laws[0]), (1.0, pressing), (2.0, laws[1])])
+    assert moved.driven_by == pressing.driven_by != ""
+    assert Schedule([(0.0, laws[0]), (1.0, laws[1])]).driven_by == ""
+
+
 @pytest.mark.parametrize(
     ("starts", "complaint"), [([], "at least one pair"), ([1.0], "increase from 0"), ([0.0, 0.0], "increase from 0")]
 )

@@ -48,6 +48,13 @@ def test_regulation_with_a_tank_is_passive(shoulder, law, form):
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_what_drives_it_comes_out_of_the_tank(shoulder, law):
+    plain, paid = regulated(law, shoulder), regulated(with_tank(law), shoulder)
+    assert plain.driven_by != "" == paid.driven_by
+    assert with_tank(law).tuned(shoulder).driven_by == law.tuned(shoulder).driven_by
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_a_tank_pays_for_regulation_and_action_at_once(shoulder, law):
     made = regulated(with_tank(law), shoulder, actions=ExternalAction(lambda t, x: 0.3 * x.velocity))
     certificate = certify(made, samples=64)

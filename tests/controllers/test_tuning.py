@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import eigvals, expm, tanhm
 
 from phcontrol import (
     EnergyShaping,
     InvalidArgumentError,
     MechanicalSystem,
     MinimumJerk,
+    StribeckFriction,
     linearize,
     load_robot,
     make_controller,
     simulate,
 )
 from phcontrol.controllers.registry import CONTROLLERS
+from phcontrol.controllers.tuning import Tuning
 from phcontrol.controllers.visual_servo import VisualServo
 from phcontrol.runs.position import PositionRun
 from tests.controllers.arms import CATALOGUE, CHAINS, arm, chain
@@ -166,6 +168,49 @@ def test_friction_limits_by_how_much_forces_are_amplified():
             inverse = np.linalg.inv(np.linalg.cholesky(x.mass_matrix))
             rates = np.linalg.eigvals(amplified @ inverse @ x.damping_matrix @ inverse.T).real
             assert 1e-3 * rates.max() <= 1.1  # drawn postures need not be those that were looked at
+
+
+def test_a_joint_that_friction_holds_is_so_stiff_that_an_error_goes_in_a_second_and_a_quarter():
+    """d/K_p = 1.25 s where that is stiffer than 2ω² times the mean inertia; the others are as without friction."""
+    robot, viscous = arm("ur5").robot, np.array([0.0, 800.0, 0.0, 0.0, 60.0, 10.0])
+    held = make_controller("energy_shaping", MechanicalSystem(robot, friction=StribeckFriction(viscous=viscous)))
+    free = make_controller("energy_shaping", MechanicalSystem(robot, friction=None))
+    stiffness, usual = np.diag(held.stiffness), np.diag(free.stiffness)
+    leans = viscous > 0.0
+    assert (viscous[leans] / 1.25 > usual[leans]).all()
+    np.testing.assert_allclose(stiffness[leans], viscous[leans] / 1.25, rtol=1e-12)
+    np.testing.assert_allclose(stiffness[~leans], usual[~leans], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "dry"), [("panda", 2.5), ("panda", 3.5)])
+def test_no_joint_is_less_stiff_against_friction_than_a_held_torque_asks_for(name, dry):
+    """A joint that was lowered cannot be raised again by a quarter: hM⁻¹C would then take more than it may.
+
+    That is λ_max(hC, ½M X coth(X/2)) ≤ 1.2, X = hM⁻¹D of fast motion, at any of the postures.
+    """
+    system, h, most = MechanicalSystem(arm(name).robot, friction=StribeckFriction(coulomb=dry)), 1e-3, 1.2
+    tuning = Tuning(system, system.robot.home, system.robot.home)
+    mean = 2.0 * np.mean([seen.inertia for seen in tuning._everywhere], axis=0).diagonal()
+    desired = np.maximum(16.0 * mean, 0.8 * np.diag(system.at(system.robot.home).damping_matrix))
+
+    def taken(stiffness, left):
+        """C = 2(K_pM_d)^½, less what is left to friction."""
+        damping = np.diag(2.0 * np.sqrt(stiffness * mean) - left)
+        return max(eigvals(h * damping, bearable).real.max() for bearable in bearables)
+
+    bearables = [
+        0.5 * h * seen.moving @ np.linalg.inv(tanhm(0.5 * h * np.linalg.solve(seen.inertia, seen.moving)))
+        for seen in tuning._everywhere
+    ]
+    stiffness = np.diag(tuning.stiffness)
+    left = 2.0 * np.sqrt(stiffness * mean) - np.diag(tuning.damping)
+    lowered = np.flatnonzero(stiffness < desired * (1.0 - 1e-9))
+    assert lowered.size
+    assert taken(stiffness, left) <= most * (1.0 + 1e-9)
+    for joint in lowered:
+        raised = stiffness.copy()
+        raised[joint] = min(raised[joint] / 0.8**2, desired[joint])
+        assert taken(raised, left) > most
 
 
 RESTING = ["energy_shaping", "force_feedback", "force_feedback_measured", "integral_action", "total_force_rejection",

@@ -196,6 +196,17 @@ def test_bad_gains_are_refused(pera, law, options, complaint):
         make_controller(law, pera, **options)
 
 
+@pytest.mark.parametrize("length", [1e-3, 2e-3, 4e-3])
+def test_the_singular_region_is_what_a_lever_of_five_centimetres_moves_in_the_image(pera, length):
+    """ε is 0.05 m times how fast the length in the image, fL/z, changes with the distance z, by differences."""
+    law = make_controller("hamiltonian_servo", pera, goal=[0.0, 0.0, length])
+    size = law.camera.focal_length * law.object_length
+    distance = size / length
+    rate = derivative(lambda step: np.array(size / (distance - step)), 1e-3 * distance)
+    assert law.singular_region == pytest.approx(0.05 * rate, rel=1e-6)
+    assert law.singular_damping == pytest.approx(0.6 * law.singular_region)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_arms_with_too_few_joints_are_refused(shoulder, law):
     with pytest.raises(InvalidArgumentError, match=r"has 2 joints, but \w+_servo needs at least 3"):
