@@ -156,12 +156,6 @@ def test_a_faulty_joint_sensor_beside_forces_that_are_shown(name, shoulder):
         assert log.saturated.any()
 
 
-def test_a_joint_sensor_under_a_law_that_counts_what_limits_take(shoulder):
-    law = make_controller("integral_action", shoulder, goal=[0.4, 0.6])
-    options = {"joint_sensor": FAULTY, "torque_delay": 1e-3, "control_period": 1e-3}
-    assert both(shoulder, law, torque_limit=[1.0, 1.5], **options).saturated.any()
-
-
 SENSORS = {
     "true": {},
     "noisy": {"noise": [0.1, 0.3], "seed": 7},

@@ -175,7 +175,7 @@ def recursion(inertia, stiffness, damping, period, delay):
 
 
 def test_the_longest_delay_of_a_double_integrator():
-    """Its run is the recursion; it diverges from the first delay on at which that has an eigenvalue beyond the circle."""
+    """Its run is the recursion; it diverges from the first delay on at which that has a growing eigenvalue."""
     arm, inertia = one_joint()
     period, rate, ratio = 5e-3, 12.0, 0.7
     stiffness, damping = inertia * rate**2, 2.0 * ratio * inertia * rate
