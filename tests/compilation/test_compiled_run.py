@@ -15,6 +15,7 @@ from phcontrol import (
     EnergyShaping,
     ForceSensor,
     JointContact,
+    JointSensor,
     Log,
     MechanicalSystem,
     MinimumJerk,
@@ -123,6 +124,36 @@ def test_a_momentum_observer_of_another_model(control, shoulder):
     for observer in (MomentumObserver(shoulder, 40.0), MomentumObserver(model, 40.0, period=4e-3)):
         log = both(shoulder, law, disturbance=SIGNALS, sensors=[observer], **CONTROL[control])
         assert np.ptp(log.measured["external_force"], axis=0).min() > 0.5
+
+
+FAULTY = JointSensor(
+    position_noise=[1e-3, 2e-3], position_bias=[0.01, -0.02], position_resolution=[0.0, 1e-4], velocity_noise=0.02,
+    velocity_bias=0.01, velocity_resolution=1e-3, delay=2.5e-3, seed=4,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [0.0, 3e-3, 1.0])
+@pytest.mark.parametrize("integrator", list(INTEGRATORS))
+def test_what_a_law_sees_of_the_joints_and_when_its_torque_acts(integrator, late, shoulder):
+    law = make_controller("integral_action", shoulder, goal=[0.4, 0.6])
+    options = {"control_period": 2e-3, "disturbance": [0.5, -1.0], "v0": [0.3, -0.2]}
+    log = both(shoulder, law, integrator=integrator, joint_sensor=FAULTY, torque_delay=late, **options)
+    assert np.abs(log.measured["position"] - log.position).max() > 0.01
+    plain = simulate(shoulder, law, integrator=integrator, duration=0.4, **options)
+    assert np.abs(plain.position - log.position).max() > 1e-3  # it counts
+
+
+@pytest.mark.parametrize("name", ["force_feedback_measured", "total_force_rejection"])
+def test_a_faulty_joint_sensor_beside_forces_that_are_shown(name, shoulder):
+    """A momentum observer computes with what is shown, a force sensor and a total force are of the truth."""
+    law, model = make_controller(name, shoulder), MechanicalSystem(load_robot("pera_shoulder", armature=0.01))
+    kinds = [None]
+    if name == "force_feedback_measured":
+        kinds += [[MomentumObserver(model, 40.0, period=4e-3)], [ForceSensor(noise=0.1, delay=2e-3)]]
+    for sensors in kinds:
+        options = {"joint_sensor": FAULTY, "torque_delay": 5e-3, "control_period": 4e-3, "torque_limit": [2.0, 3.0]}
+        log = both(shoulder, law, disturbance=SIGNALS, sensors=sensors, **options)
+        assert log.saturated.any()
 
 
 SENSORS = {

@@ -18,6 +18,7 @@ from phcontrol import (
     ForceRegulation,
     ImpedanceGrasping,
     IntegralAction,
+    JointSensor,
     MomentumObserver,
     Schedule,
     SimulationError,
@@ -77,6 +78,13 @@ def clipped(plant, law, **options):
 @pytest.mark.parametrize("law", list(LAWS))
 def test_the_tank_pays_for_what_clipping_does(law, integrator, control, shoulder):
     clipped(shoulder, LAWS[law](shoulder), integrator=integrator, **CONTROL[control])
+
+
+def test_the_tank_counts_with_what_the_law_is_shown(shoulder):
+    clipped(
+        shoulder, LAWS["an action"](shoulder), **CONTROL["slowly sampled"], torque_delay=3e-3,
+        joint_sensor=JointSensor(position_noise=1e-2, velocity_bias=0.2, velocity_noise=0.1, delay=2e-3),
+    )  # fmt: skip
 
 
 def test_what_a_sensor_shows_a_clipped_law_is_what_it_counts_with(shoulder):

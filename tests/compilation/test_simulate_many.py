@@ -15,6 +15,7 @@ from phcontrol import (
     ForceSensor,
     InvalidArgumentError,
     JointContact,
+    JointSensor,
     MechanicalSystem,
     MomentumObserver,
     PHControlError,
@@ -208,6 +209,59 @@ def test_runs_with_sensors_of_their_own(shoulder, rng):
     assert len({row.tobytes() for row in shown}) == RUNS
     alone = simulate_many(**{name: value[4:6] for name, value in arguments.items()}, duration=0.2, control_period=1e-3)
     np.testing.assert_allclose(alone[1].value.measured["external_force"], shown[5], rtol=0.0, atol=1e-10)
+
+
+def joint_sensors():
+    """Return one for each run, with faults and delays of its own."""
+    return [
+        JointSensor(
+            position_noise=1e-3 * (k % 3), position_bias=1e-3 * k, velocity_noise=[0.0, 0.01 * k], delay=1e-3 * (k % 5),
+            position_resolution=1e-4 * (k % 2), seed=k,
+        )
+        for k in range(RUNS)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("forces", [False, True])
+def test_joint_sensors_that_differ(forces, shoulder, rng):
+    arguments = sweep(shoulder, rng) | {"joint_sensor": joint_sensors()}
+    if forces:
+        arguments["sensors"] = [[ForceSensor(noise=0.1, seed=k)] for k in range(RUNS)]
+    options = {"duration": 0.2, "control_period": 2e-3, "torque_delay": 5e-3}
+    outcomes = simulate_many(**arguments, **options)
+    compare(outcomes, arguments, **options)
+    for k, outcome in enumerate(outcomes):
+        own = {name: value[k] for name, value in arguments.items()}
+        expected = simulate(own.pop("system"), own.pop("controller"), **own, **options)
+        for name, shown in expected.measured.items():
+            np.testing.assert_allclose(outcome.value.measured[name], shown, rtol=0.0, atol=1e-10, err_msg=name)
+    shown = {outcome.value.measured["position"].tobytes() for outcome in outcomes}
+    assert len(shown) == RUNS
+
+
+def test_what_is_on_its_way_outlives_the_record_of_a_final_state(shoulder, rng):
+    """No trajectory is kept; readings and torques on their way go on from one part of it to the next."""
+    arguments = sweep(shoulder, rng) | {"joint_sensor": joint_sensors()}
+    options = {"duration": 1.2, "control_period": 3e-3, "torque_delay": 7e-3}
+    found = simulate_many(**arguments, measure="final_state", **options)
+    logs = simulate_many(**arguments, **options)
+    for outcome, log in zip(found, logs, strict=True):
+        np.testing.assert_array_equal(outcome.value[:2], log.value.position[-1])
+    compare(logs, arguments, every=5, **options)
+
+
+def test_joint_sensors_are_checked(shoulder):
+    law = make_controller("energy_shaping", shoulder)
+    with pytest.raises(InvalidArgumentError, match="joint_sensor: must hold JointSensors, but number 1 is NoneType"):
+        simulate_many(shoulder, law, joint_sensor=[JointSensor(), None], control_period=1e-3, duration=0.1)
+    with pytest.raises(InvalidArgumentError, match="joint_sensor: must be a JointSensor or a sequence of them"):
+        simulate_many(shoulder, law, joint_sensor=0.1, control_period=1e-3, duration=0.1)
+    sensors = [JointSensor(), JointSensor(position_bias=[0.1, 0.2, 0.3])]
+    good, bad = simulate_many(shoulder, law, joint_sensor=sensors, control_period=1e-3, duration=0.1)
+    assert good.error == ""
+    assert "position_bias: must have shape (2,)" in bad.error
+    (outcome,) = simulate_many(shoulder, law, joint_sensor=JointSensor(), duration=0.1)
+    assert "joint_sensor: is of a sampled law" in outcome.error
 
 
 def test_observers_that_look_at_other_times(shoulder, rng):

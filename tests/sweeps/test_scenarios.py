@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from phcontrol import ForceSensor, InvalidArgumentError, Pulse, RobotDescriptionError, Sweep, UnknownNameError, simulate
+from phcontrol import (
+    ForceSensor,
+    InvalidArgumentError,
+    JointSensor,
+    Pulse,
+    RobotDescriptionError,
+    Sweep,
+    UnknownNameError,
+    simulate,
+)
+from phcontrol.compilation.compiler import find_compiler
+from phcontrol.sweeps.chunk import rows_of
 from phcontrol.sweeps.distribution import Distribution
 from phcontrol.sweeps.space import Space
 
@@ -94,6 +105,50 @@ def test_a_scenario_is_the_loop_that_one_would_write(small):
     np.testing.assert_array_equal(sweep.replay(0).position, own.position)
 
 
+def test_what_the_law_sees_and_when_its_torque_acts(small):
+    small["vary"] = {
+        "position_noise": [1e-3], "position_bias.each": [0.02], "velocity_noise": [0.01], "velocity_resolution": [1e-3],
+        "velocity_bias.shoulder_roll": [0.1], "joint_delay": [2e-3], "torque_delay": [4e-3], "sensor_noise": [0.1],
+    }  # fmt: skip
+    small["joint_sensor"] = {"position_bias": [0.5, 0.6], "velocity_bias": [0.3, 0.4], "position_resolution": 1e-4}
+    small["sampling"] = {"method": "list", "seed": 9}
+    sweep = Sweep(**small)
+    seed, nominal = sweep.space.noise_seed(0), sweep.nominal
+    own = simulate(
+        nominal.system, nominal.law, duration=0.05, control_period=1e-3, q0=nominal.start, torque_delay=4e-3,
+        joint_sensor=JointSensor(
+            position_noise=1e-3, position_bias=0.02, position_resolution=1e-4, velocity_noise=0.01,
+            velocity_bias=[0.3, 0.1], velocity_resolution=1e-3, delay=2e-3, seed=seed,
+        ),
+        sensors=[ForceSensor(noise=0.1, seed=seed)],
+    )  # fmt: skip
+    log = sweep.replay(0)
+    np.testing.assert_array_equal(log.position, own.position)
+    np.testing.assert_array_equal(log.torque, own.torque)
+    small["run"] |= {"torque_delay": 2e-3}
+    del small["vary"]["torque_delay"]
+    assert Sweep(**small).loop(0)["torque_delay"] == 2e-3
+
+
+def test_delays_and_faults_are_compiled_in_groups(small):
+    """Runs of several delays, compiled and interpreted, chunk by chunk as a sweep does them."""
+    if find_compiler() is None:
+        pytest.skip("no C compiler")
+    small["vary"] |= {
+        "position_noise": {"uniform": [0.0, 1e-3]}, "position_bias.each": {"uniform": [-0.01, 0.01]},
+        "velocity_noise": {"uniform": [0.0, 0.02]}, "torque_delay": [0.0, 1e-3, 3e-3], "control_period": [1e-3, 2e-3],
+    }  # fmt: skip
+    sweep = Sweep(**small)
+    numbers = sweep.space.rows(0, 12)
+    fast, slow = (rows_of(sweep, 0, numbers, compiled) for compiled in (True, False))
+    assert {row.compiled for row in fast} == {True}
+    assert len({round(row.measures["final_error"], 12) for row in fast}) == 12
+    for one, other in zip(fast, slow, strict=True):
+        assert one.error == other.error == ""
+        for name, value in other.measures.items():
+            assert one.measures[name] == pytest.approx(value, abs=1e-9)
+
+
 def test_contact_and_push(small):
     small["law"] = {"name": "energy_shaping", "goal": [0.3, 0.5]}
     small["vary"] = {"contact_stiffness": [50.0, 500.0], "push_x": [0.0, 1.0]}
@@ -148,6 +203,24 @@ def test_contact_and_push(small):
         ({"sampling": {"method": "grid"}}, InvalidArgumentError, "must have values or a grid"),
         ({"sampling": {"number": 3}}, UnknownNameError, "of \\[sampling\\]"),
         ({"require": {"overshoot": 0.1}}, UnknownNameError, "it must be measured, too"),
+        ({"run": {"duration": 1.0}, "vary": {"torque_delay": [1e-3]}}, InvalidArgumentError,
+         "torque_delay: is of a sampled law: give run.control_period"),
+        ({"run": {"duration": 1.0}, "vary": {"position_bias.each": [1e-3]}}, InvalidArgumentError,
+         "position_bias: is of a sampled law"),
+        ({"run": {"duration": 1.0}, "joint_sensor": {"delay": 1e-3}}, InvalidArgumentError,
+         "joint_sensor: is of a sampled law"),
+        ({"run": {"duration": 1.0, "torque_delay": 1e-3}}, InvalidArgumentError, "run.torque_delay: is of a sampled"),
+        ({"run": {"duration": 1.0, "control_period": 1e-3, "torque_delay": 1.5e-3}}, InvalidArgumentError,
+         "run.torque_delay: must be a whole multiple of dt"),
+        ({"vary": {"torque_delay": {"uniform": [0.0, 1e-2]}}}, InvalidArgumentError, "list of values or a grid"),
+        ({"vary": {"torque_delay": [0.0, 1.5e-3]}}, InvalidArgumentError, "torque_delay: must be a whole multiple"),
+        ({"vary": {"torque_delay": [-1e-3]}}, InvalidArgumentError, "torque_delay: must be >= 0 s"),
+        ({"vary": {"control_period": [1.5e-3]}}, InvalidArgumentError, "control_period: must be a whole multiple"),
+        ({"vary": {"position_noise": {"distribution": "norm"}}}, InvalidArgumentError, "position_noise: must be >= 0"),
+        ({"vary": {"position_bias": [0.1]}}, InvalidArgumentError, "is of a joint: position_bias.shoulder_pitch"),
+        ({"vary": {"velocity_bias.elbow": [0.1]}}, UnknownNameError, "unknown joint 'elbow'"),
+        ({"joint_sensor": {"noise": 0.1}}, UnknownNameError, "of \\[joint_sensor\\]"),
+        ({"joint_sensor": {"velocity_bias": [0.1, 0.2, 0.3]}}, InvalidArgumentError, "velocity_bias: must have shape"),
         ({"weather": {"rain": 1.0}}, UnknownNameError, "unknown part 'weather'"),
     ],
 )  # fmt: skip
