@@ -98,7 +98,8 @@ def test_force_feedback_takes_the_least_gain_that_there_is(ratio, further):
         assert crossings.size
         least = brentq(lambda s, off=off: float(off(s)[0]), grid[crossings[0]], grid[crossings[0] + 1], xtol=1e-13)
         assert g["force_gain"] == pytest.approx(least, rel=1e-5)
-        loop = loops(np.array([g["force_gain"]]))[0]
+        k, c, s, d = g["stiffness"], g["damping"], g["force_gain"], friction
+        loop = np.array([[0.0, 1.0, 1.0], [-k, -d - c, -d], [-s * k, -s * d, -s * d]])
         np.testing.assert_allclose(np.poly(loop), np.poly(placed.poles).real, rtol=1e-7)
         real = -placed.poles.real[np.abs(placed.poles.imag) < 1e-3]
         ways = np.log(np.abs(real / (further * omega))) / math.log(1.25)  # moved on by whole steps

@@ -8,8 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phcontrol.setpoints import LiveFramePath, LiveValue, Setpoint
+from phcontrol import InvalidArgumentError
+from phcontrol.setpoints import LiveFramePath, LiveTrajectory, LiveValue, Setpoint
 from phcontrol.setpoints.live_frame_path import _turning
+from tests.conftest import make_system
 from tests.finite_differences import derivative
 
 ANGLES = [0.0, 1e-6, 1e-3, 5e-3, 0.0099999, 0.0100001, 0.02, 0.5, 2.0, 3.1]
@@ -118,3 +120,16 @@ def test_it_has_arrived_when_it_stands_and_nothing_waits():
     assert value.duration == pytest.approx(1.0 + 1.875)  # the peak of minimum jerk is 15/8 of the mean speed
     value.advance(value.duration)
     assert value.has_arrived
+
+
+def test_goals_may_be_as_far_as_the_limits():
+    """On each limit and anywhere between; beyond by a hair is refused, naming the joint that is the furthest out."""
+    robot = make_system("pera_shoulder").robot
+    goal = LiveTrajectory(robot)
+    for posture in (robot.upper, robot.lower, 0.5 * (robot.lower + robot.upper), robot.upper - 0.01):
+        goal.request(posture)
+        np.testing.assert_array_equal(goal.goal, posture)
+    beyond = robot.upper + np.array([1e-9, 2e-9])
+    with pytest.raises(InvalidArgumentError, match=f"puts joint '{robot.joint_names[1]}' 2e-09 beyond its limit"):
+        goal.request(beyond)
+    np.testing.assert_array_equal(goal.goal, robot.upper - 0.01)
