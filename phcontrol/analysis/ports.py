@@ -18,7 +18,8 @@ from phcontrol.mechanics.system import MechanicalSystem
 _STATES = 4  # of which many questions are asked
 _MANY = 64  # of which one is
 _MOVING, _CREEPING = 0.05, 1e-3  # [rad/s], the last where outputs are compared, not differentiated
-_LITTLE = 1e-4  # of a second, or of a radian each second, over which is differentiated
+_LITTLE = 1e-4  # of a second, over which H_d is differentiated along a change of the state
+_FASTER = 1e-3  # by how much velocities differ that the passive port is differentiated between [rad/s]
 
 
 def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -144,11 +145,11 @@ def _passive_port_error(seen: Seen) -> float:
     if law.active(at.time) is not law:
         return 0.0
     given = law.passive_port(at.time, seen.view, at.state, seen.measured)
-    target, y = seen.promise(), law.promised_state(seen.view)
-    losses = target.R @ target.gradient
+    target, y = seen.target(), law.promised_state(seen.view)
+    losses = target.dissipation @ target.gradient
     torque = np.cos(7.0 * (at.position + at.velocity) + np.arange(len(at.velocity)))
     acceleration = np.linalg.solve(y.mass_matrix, y.input_matrix @ torque)
-    step = _LITTLE / float(np.abs(acceleration).max())
+    step = _FASTER / float(np.abs(acceleration).max())
     ahead, behind = (seen.elsewhere(velocity=at.velocity + side * step * acceleration).target() for side in (1.0, -1.0))
     gains = target.gradient * (ahead.coordinates - behind.coordinates) / (2.0 * step)
     takes = losses * (ahead.gradient - behind.gradient) / (2.0 * step)
