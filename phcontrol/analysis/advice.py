@@ -61,8 +61,12 @@ ADVICE: dict[str, str] = {
     "change of the promise with f_e": "J_d, R_d, H_d or a coordinate depends on f_e, which may enter by the port only",
     "output of f_e that is no velocity": "portᵀ∇H_d does not move with q̇: such a loop is not passive in contact",
     "passive port that is another": (
-        "the passive port is not what target and storage() say; a derived one needs coordinates that, but for the "
-        "momentum, do not depend on q̇"
+        "the passive port is not what the target says; a derived one needs a momentum p̂ = p̄ + θ and other coordinates "
+        "that do not depend on q̇: state it otherwise"
+    ),
+    "damping that is not dissipated": (
+        "joint_damping() or injected_damping is more than R_d takes: both say what the law injects, and a tank or a "
+        "bound of the gain relies on them"
     ),
     "rise of H_d to the calmest state": "calmest_state() is not where H_d is smallest",
     "rise of H_d by a jump": "jump() changes the law's state: without saying so in jumps, or to one of more energy",

@@ -40,6 +40,7 @@ from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.other_rests import OtherRest, other_rests
 from phcontrol.analysis.ports import (
     calming_gain,
+    claimed_damping,
     jumping_gain,
     limited_gain,
     passive_port_error,
@@ -341,6 +342,7 @@ class _Examination:
         for name, figure in (
             ("output of f_e that is no velocity", port_error),
             ("passive port that is another", passive_port_error),
+            ("damping that is not dissipated", claimed_damping),
             ("rise of H_d to the calmest state", calming_gain),
             ("rise of H_d by a jump", jumping_gain),
             ("rise of H_d under limits", limited_gain),

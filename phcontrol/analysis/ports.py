@@ -12,12 +12,14 @@ from phcontrol.analysis.state_sampler import reference_velocity, some
 from phcontrol.analysis.thin_states import SLIDING
 from phcontrol.analysis.worst import Worst
 from phcontrol.controllers.controller import Controller
+from phcontrol.controllers.target import MOMENTUM
 from phcontrol.mechanics.system import MechanicalSystem
 
 _STATES = 4  # of which many questions are asked
 _MANY = 64  # of which one is
 _MOVING, _CREEPING = 0.05, 1e-3  # [rad/s], the last where outputs are compared, not differentiated
 _LITTLE = 1e-4  # of a second, over which H_d is differentiated along a change of the state
+_FASTER = 1e-3  # by how much velocities differ that the passive port is differentiated between [rad/s]
 
 
 def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -32,6 +34,15 @@ def port_error(law: Controller, plant: MechanicalSystem, states: Sequence[Sample
 def passive_port_error(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
     """Return how far ``passive_port`` is from what target and storage function say, relative to its own terms."""
     return _worst(_passive_port_error, law, plant, states, _MANY, _CREEPING)
+
+
+def claimed_damping(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
+    """Return by how much more a law says that it damps than its target dissipates, relative to that, and where.
+
+    What it says is ``joint_damping`` and ``injected_damping``, by v̂ᵀG C Gᵀv̂ with v̂ = T⁻ᵀ∂H_d/∂p̂. Of a law with a tank
+    a part of that goes into the tank.
+    """
+    return _worst(_claimed_damping, law, plant, states, _MANY, _CREEPING)
 
 
 def calming_gain(law: Controller, plant: MechanicalSystem, states: Sequence[SampledState]) -> Worst:
@@ -125,19 +136,50 @@ def _port_error(seen: Seen) -> float:
 
 
 def _passive_port_error(seen: Seen) -> float:
-    law, at, errors = seen.law, seen.at, [0.0]
+    """Return how far power, output and resistance are from their definitions, the last two along some direction.
+
+    A torque d is the acceleration a = M⁻¹G d, and the output ŷᵀd = ∇H_dᵀ(∂x/∂q̇)a. The force along a is
+    (∂∇H_d/∂q̇ a)ᵀR_d∇H_d. Coordinates may depend on q̇ in any way.
+    """
+    law, at = seen.law, seen.at
     if law.active(at.time) is not law:
         return 0.0
     given = law.passive_port(at.time, seen.view, at.state, seen.measured)
-    derived = Controller.passive_port(law, at.time, seen.view, at.state, seen.measured)
+    target, y = seen.target(), law.promised_state(seen.view)
+    losses = target.dissipation @ target.gradient
+    torque = np.cos(7.0 * (at.position + at.velocity) + np.arange(len(at.velocity)))
+    acceleration = np.linalg.solve(y.mass_matrix, y.input_matrix @ torque)
+    step = _FASTER / float(np.abs(acceleration).max())
+    ahead, behind = (seen.elsewhere(velocity=at.velocity + side * step * acceleration).target() for side in (1.0, -1.0))
+    gains = target.gradient * (ahead.coordinates - behind.coordinates) / (2.0 * step)
+    takes = losses * (ahead.gradient - behind.gradient) / (2.0 * step)
     # where p̂ = 0, as on a straight way in that an integral leads, output and resistance are rounding
     speed = float(np.abs(at.velocity - reference_velocity(law, at.time, at.position)).max())
-    least = (1e-9 * speed, 0.0, 1e-9 * derived.dissipated_power / speed)  # of output, power and resistance
-    for own, true, floor in zip(given, derived, least, strict=True):
-        expected = np.asarray(true, dtype=float)
-        scale = max(float(np.abs(expected).max()), floor, 1e-300)
-        errors.append(float(np.abs(np.asarray(own, dtype=float) - expected).max()) / scale)
+    power = float(target.gradient @ losses)
+    errors = [abs(given.dissipated_power - power) / max(abs(power), 1e-300)]
+    for own, along, terms, least in (
+        (given.output, torque, gains, 1e-9 * speed),
+        (given.resistance, acceleration, takes, 1e-9 * power / speed),
+    ):
+        products = np.asarray(own, dtype=float) * along
+        scale = max(float(np.abs(products).sum() + np.abs(terms).sum()), least * float(np.abs(along).sum()), 1e-300)
+        errors.append(abs(float(products.sum() - terms.sum())) / scale)
     return float(np.max(errors))
+
+
+def _claimed_damping(seen: Seen) -> float:
+    law, at = seen.law, seen.at
+    if law.active(at.time) is not law or law.tank_level(at.state) is not None:
+        return 0.0
+    injected, damping = law.injected_damping, law.joint_damping(at.time, seen.view)
+    if injected is None and damping is None:
+        return 0.0
+    target, y = seen.target(), law.promised_state(seen.view)
+    dissipated = float(target.gradient @ target.dissipation @ target.gradient)
+    velocity = y.solve_factor_transposed(target.gradient[target.parts[MOMENTUM]])
+    output = y.input_matrix.T @ velocity
+    claims = [float(v @ C @ v) for v, C in ((output, injected), (velocity, damping)) if C is not None]
+    return max(0.0, *(claim - dissipated for claim in claims)) / max(*claims, 1e-300)
 
 
 def _calming_gain(seen: Seen) -> float:
