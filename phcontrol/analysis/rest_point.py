@@ -180,7 +180,8 @@ class _Resting:
         J = jacobian(self._around.coordinates, y, self._units, STEPS[0])[0] * self._units
         bent = jacobian(self._around.gradient, y, self._units, STEPS[0])[0] * self._units
         lengths = np.linalg.norm(J, axis=0)
-        if not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < DEPENDENT:
+        fewer = J.shape[0] < J.shape[1]
+        if fewer or not (lengths > 0.0).all() or np.linalg.svd(J / lengths, compute_uv=False)[-1] < DEPENDENT:
             return 0.0  # H_d does not know everything that moves
         if J.shape[0] == J.shape[1]:
             hessian = np.linalg.solve(J.T, bent.T).T

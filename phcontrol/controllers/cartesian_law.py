@@ -167,7 +167,7 @@ class CartesianLaw(TankedLaw, DampedLaw):
         if self.free_direction is not None:
             self._across = self._across - np.outer(self.free_direction, self.free_direction)
         self._held: Array = self._across @ self._linear @ self._across
-        self._roots = _root(self._linear), np.zeros((3, 3)) if K_r is None else _root(K_r)
+        self._roots = _root(self._linear), None if K_r is None else _root(K_r)
         self._given_factor: Array | None = None
         if self.task_damping is not None:
             damping = _validation.gain("task_damping", self.task_damping, self._rows)
@@ -271,13 +271,11 @@ class CartesianLaw(TankedLaw, DampedLaw):
     def _designed_factor(self, t: float, x: MechanicalState) -> Array:
         linear, turning = self._roots if self.variation is None else self._roots_at(t, self.variation)
         mobility = x.task_space(self.frame, self._rows).mobility
-        if self._rows == 3:
-            return kernels.damping_root(linear, None, None, mobility, self.damping_ratio)
-        rotation = x.frame_kinematics(self.frame).rotation
+        rotation = None if turning is None else x.frame_kinematics(self.frame).rotation
         return kernels.damping_root(linear, turning, rotation, mobility, self.damping_ratio)
 
-    def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array]:
-        """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any."""
+    def _roots_at(self, t: float, variation: Stiffness) -> tuple[Array, Array | None]:
+        """Return factors L of K_t(t) and K_r(t), K = LLᵀ: D_x is the same of any; None for a law without K_r."""
         linear, turning = variation.translational(t), variation.rotational(t)
         axes = self._axes
         return (

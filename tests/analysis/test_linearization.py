@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import logm
 
 from phcontrol import (
+    CompilationError,
     InvalidArgumentError,
     MechanicalSystem,
     PHControlError,
@@ -239,3 +240,24 @@ def test_no_default_gain_has_a_mode_slower_than_three_seconds(name):
     if name == "ur5":
         thesis = make_controller("integral_action", system, integral_stiffness=1.0)
         assert linearize(thesis, system, exact=False).spectrum[0].time_constant > 30.0
+
+
+class Untraced(EnergyShaping):
+    """Energy shaping by a formula of which no derivative is traced."""
+
+    name = "untraced"
+
+    def shape(self, t, x, state, measured):
+        law = super().shape(t, x, state, measured)
+        return law._replace(effort=law.effort + 0.0 * np.linalg.eigvalsh(np.outer(x.position, x.position))[0])
+
+
+def test_of_a_law_that_cannot_be_traced_differences_are_taken_unless_exact_ones_are_asked_for():
+    system = make_system("pera_shoulder")
+    law, usual = (kind(system, goal=[0.2, 0.5], stiffness=10.0, damping=2.0) for kind in (Untraced, EnergyShaping))
+    found = linearize(law, system)
+    assert not found.exact
+    exact = linearize(usual, system, exact=True).A
+    assert np.abs(found.A - exact).max() < 1e-5 * np.abs(exact).max()  # dry friction bends within a step
+    with pytest.raises(CompilationError, match="no closed form that is traced"):
+        linearize(law, system, exact=True)

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phcontrol import EnergyShaping, MechanicalSystem, Sinusoid, TrajectoryTracking, load_robot, make_controller
+from phcontrol import (
+    NOTHING,
+    Command,
+    Controller,
+    EnergyShaping,
+    Gain,
+    MechanicalSystem,
+    Sinusoid,
+    Target,
+    TrajectoryTracking,
+    certify,
+    load_robot,
+    make_controller,
+)
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.analysis.neighbourhood import Neighbourhood
 from phcontrol.analysis.rest_point import find_rest
@@ -31,6 +44,62 @@ def test_a_law_that_lacks_a_minimum_has_no_curvature():
     _, rest = rest_of(make_controller("force_control", system, force=[2.0, -1.0]), system)
     assert rest.found
     assert np.isnan(rest.curvature)
+
+
+class Together(Controller):
+    """A spring on the sum of both joints: what turns them against each other, no coordinate tells."""
+
+    name = "together"
+    damping: Gain = Gain("C", "N·m·s/rad")
+
+    def rest_posture(self, t):
+        return np.array([0.2, 0.1])
+
+    def storage(self, t, x, state, measured=NOTHING):
+        return x.kinetic_energy + 0.5 * (x.position.sum() - 0.3) ** 2
+
+    def target(self, t, x, state, measured=NOTHING):
+        error, p = np.array([x.position.sum() - 0.3]), x.transformed_momentum
+        return Target.of(
+            {"error": (error, error), "momentum": (p, p)},
+            lambda: {
+                ("error", "momentum"): np.ones((1, 2)) @ x.inverse_factor.T,
+                ("momentum", "momentum"): x.interconnection(self.interconnection),
+            },
+            lambda: {("momentum", "momentum"): x.transformed_damping + x.transformed_injection(self.damping)},
+            lambda: {"momentum": x.inverse_factor},
+        )
+
+
+class WithoutPromise(Together):
+    """The target has no coordinates: everything keeps that."""
+
+    name = "without_promise"
+
+    def coordinates(self, t, x, state, measured=NOTHING):
+        return np.zeros(0)
+
+    def target(self, t, x, state, measured=NOTHING):
+        return Target(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2)))
+
+    def evaluate(self, t, x, state, measured=NOTHING):
+        return Command(x.potential_gradient - x.velocity, np.zeros(0))
+
+
+def test_where_the_coordinates_do_not_tell_all_that_moves_there_is_no_curvature():
+    system = make_system("pera_shoulder")
+    _, rest = rest_of(Together(system, damping=1.0), system)
+    assert rest.found
+    assert rest.curvature == 0.0
+    certificate = certify(Together(system, damping=1.0), samples=16)
+    assert certificate.error == ""  # it once was that a matrix is not square
+    assert not certificate["smallest curvature of H_d at rest"].passed
+
+
+def test_a_promise_without_coordinates_has_no_curvature():
+    system = make_system("pera_shoulder")
+    _, rest = rest_of(WithoutPromise(system, damping=1.0), system)
+    assert rest.curvature < 1e-9
 
 
 def test_along_a_reference_the_drift_of_a_law_that_follows_it_is_0():

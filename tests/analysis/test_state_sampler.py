@@ -223,7 +223,9 @@ def test_fields_are_drawn_each_by_itself():
 def test_times():
     times = np.array([at.time for at in drawn("energy_shaping", "panda")[3][1:SAMPLES]])
     assert (times == 0.0).mean() == pytest.approx(0.125, abs=0.04)
-    assert ((times > 0.0) & (times <= 60.0)).mean() > 0.6
+    # 5 of 8 even over a minute; of a quarter, from 1 ms to 1e5 s, what is below one
+    early = 0.625 + 0.25 * np.log(60.0 / 1e-3) / np.log(1e5 / 1e-3)
+    assert ((times > 0.0) & (times <= 60.0)).mean() == pytest.approx(early, abs=0.05)
     assert 1e4 < times.max() <= 1e5
     made, _, _, states = drawn("tracking", "panda")
     times = np.array([at.time for at in states[:SAMPLES]])
