@@ -52,7 +52,9 @@ from .design.designed_gains import DesignedGains
 from .design.desired_bandwidth import DesiredBandwidth
 from .design.desired_gain import DesiredGain
 from .design.desired_settling import DesiredSettling
+from .design.quadratic_cost import QuadraticCost
 from .design.sampling_budget import SamplingBudget
+from .design.smooth_objective import SmoothObjective
 from .design.specification import Specification
 from .design.torque_budget import TorqueBudget
 from .design.trial import Trial
@@ -142,6 +144,7 @@ from .setpoints.setpoint import Setpoint
 from .simulation.closed_loop import simulate
 from .simulation.integrators import INTEGRATORS
 from .simulation.log import Log
+from .simulation.log_slopes import LogSlopes
 from .simulation.outcome import Outcome
 from .simulation.power_balance import PowerBalance
 from .simulation.simulate_many import simulate_many
@@ -286,6 +289,7 @@ __all__ = [
     "LocalProcesses",
     "Log",
     "LogPlots",
+    "LogSlopes",
     "LoopCamera",
     "LoopDerivatives",
     "LoopJacobian",
@@ -334,6 +338,7 @@ __all__ = [
     "PowerBalance",
     "Preflight",
     "Pulse",
+    "QuadraticCost",
     "QuinticSpline",
     "Reading",
     "RealTime",
@@ -368,6 +373,7 @@ __all__ = [
     "SingleJointSpring",
     "Sinusoid",
     "SlowedPath",
+    "SmoothObjective",
     "Specification",
     "SphereContact",
     "Statement",

@@ -7,7 +7,9 @@ from .design.designed_gains import DesignedGains
 from .design.desired_bandwidth import DesiredBandwidth
 from .design.desired_gain import DesiredGain
 from .design.desired_settling import DesiredSettling
+from .design.quadratic_cost import QuadraticCost
 from .design.sampling_budget import SamplingBudget
+from .design.smooth_objective import SmoothObjective
 from .design.specification import Specification
 from .design.torque_budget import TorqueBudget
 from .design.trial import Trial
@@ -19,7 +21,9 @@ __all__ = [
     "DesiredBandwidth",
     "DesiredGain",
     "DesiredSettling",
+    "QuadraticCost",
     "SamplingBudget",
+    "SmoothObjective",
     "Specification",
     "TorqueBudget",
     "Trial",

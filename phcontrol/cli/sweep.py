@@ -23,6 +23,9 @@ def sweep(
         str | None, typer.Option(help="A Dask scheduler whose workers do it.", metavar="tcp://HOST:PORT")
     ] = None,
     replay: Annotated[int | None, typer.Option(help="Do this run alone, and write its log.", metavar="N")] = None,
+    of: Annotated[
+        str | None, typer.Option(help="The sweep that --replay is of, as its report says; another is refused.")
+    ] = None,
     interpreted: Annotated[bool, typer.Option("--interpreted", help="Compile nothing.")] = False,
 ) -> None:
     """Run what a file describes many times: arms, loads and delays that are drawn.
@@ -32,6 +35,13 @@ def sweep(
     from phcontrol.sweeps.sweep import Sweep
 
     read = Sweep.read(spec)
+    if of is not None:
+        if replay is None:
+            raise InvalidArgumentError("--of", "goes with --replay")
+        if not of or not read.hash.startswith(of):
+            raise InvalidArgumentError(
+                "--of", f"{of} is not the sweep that {spec} describes now, {read.hash[:8]}: its runs are others"
+            )
     if replay is not None:
         if workers is not None or scheduler is not None:
             raise InvalidArgumentError("--replay", "takes neither --workers nor --scheduler")

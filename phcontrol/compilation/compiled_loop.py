@@ -110,36 +110,43 @@ class CompiledLoop:
         varied = arrangement.varied
         asked = list(instants(law, TRACED, seed=1))
         traced = trace_law(law, [instant for instant, _ in asked], inertias=varied)
-        self._parts = [Part("law", traced.inputs, traced.traces)]  # type: ignore[arg-type]
+        self.parts = [Part("law", traced.inputs, traced.traces)]  # type: ignore[arg-type]
+        """The law, the arm and what is around, as expressions."""
         rate = trace_rate_under_limits(law, asked, inertias=varied) if arrangement.limited else None
         if rate is not None and not rate.is_unchanged:
             alone = [trace._replace(torque=[]) for trace in rate.traces]
-            self._parts.append(Part("under_limits", rate.inputs, alone))  # type: ignore[arg-type]
+            self.parts.append(Part("under_limits", rate.inputs, alone))  # type: ignore[arg-type]
         arm, arm_numbers = arm_parts(plant, varied, total="total_force" in truth, implicit=arrangement.implicit)
-        self._parts += arm
+        self.parts += arm
         sizes = [traced.numbers.size, arm_numbers.size]
         around, watched = np.zeros(0), np.zeros(0)
         if arrangement.bodies or arrangement.traced:
             one, around = surroundings_part(plant, arrangement.bodies, arrangement.traced, span)
-            self._parts.append(one)
+            self.parts.append(one)
         if isinstance(observer, MomentumObserver):
             own, watched = observer_parts(observer, plant, varied)
-            self._parts += own
+            self.parts += own
         starts = np.cumsum([0, *sizes, around.size, watched.size])
         self.size = int(starts[-1])
         """How many numbers are inputs."""
+        self.measured = traced.layout.measured
+        """Names and lengths of what the law is shown."""
+        self.senses = observer is not None
+        """Whether a sensor shows it."""
         place, measure = 0, []
         for name, size in traced.layout.measured:
             measure.append(loop_texts.MEASURE["shown" if name in shown else name].format(place=place))
             place += size
-        facts = {
+        self.facts = {
             "joints": plant.n, "states": law.state_size, "bodies": self.rows - 2 * plant.n - law.state_size,
             "plant_numbers": starts[1], "around_numbers": starts[2], "observer_numbers": starts[3],
-            "has_around": int("around" in [one.name for one in self._parts]), "has_sensor": int(observer is not None),
+            "has_around": int("around" in [one.name for one in self.parts]), "has_sensor": int(observer is not None),
             "has_implicit": int(arrangement.implicit), "measured_room": max(1, place), "measure": "\n  ".join(measure),
-            "has_limits": int("under_limits" in [one.name for one in self._parts]), "measured": place,
+            "has_limits": int("under_limits" in [one.name for one in self.parts]), "measured": place,
         }  # fmt: skip
-        self._text = loop_texts.HEAD.format(**facts)
+        """What the texts in C are filled in with."""
+        facts = self.facts
+        self._text = (loop_texts.DECLARATIONS + loop_texts.HEAD).format(**facts)
         if observer is not None:
             self._text += loop_texts.SENSE if isinstance(observer, MomentumObserver) else loop_texts.FEEL
         self._text += loop_texts.IMPLICIT if arrangement.implicit else ""
@@ -150,7 +157,7 @@ class CompiledLoop:
 
     def source(self, lanes: bool) -> str:
         """Return the C file."""
-        parts = [ways(one.name, one.inputs, list(one.ways), lanes).text for one in self._parts]
+        parts = [ways(one.name, one.inputs, list(one.ways), lanes).text for one in self.parts]
         return "\n".join([prelude(lanes), *parts, self._text])
 
     def library(self, lanes: bool) -> Any:

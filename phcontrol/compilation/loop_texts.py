@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-HEAD = """
+DECLARATIONS = """
 #define N {joints}
 #define S {states}
 #define B {bodies}
@@ -64,7 +64,10 @@ static void signal(const double *row, double t, int lane, real *f) {{
     }}
   }}
 }}
+"""
+"""Lengths, what a run knows, and forces over time."""
 
+HEAD = """
 /* The external force, and the rates of the bodies' states. */
 static void surroundings(run *c, double t, const real *y, real *f, real *rate) {{
   for (int i = 0; i < N; i++) f[i] = c->steady[i];

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from phcontrol._validation import Array, choice, count, finite_array, flag, positive
-from phcontrol.analysis.linearization import linearize
 from phcontrol.compilation.errors import CompilationWarning
 from phcontrol.controllers.controller import Controller
 from phcontrol.controllers.parameters import Gain
 from phcontrol.controllers.registry import make_controller
 from phcontrol.design.drawn_loops import DrawnLoops
-from phcontrol.design.trial import Trial
+from phcontrol.design.gain_search import REFUSED, GainSearch, Runner
+from phcontrol.design.scenario_runs import compiled
+from phcontrol.design.smooth_objective import SmoothObjective
 from phcontrol.design.tuned_gains import TunedGains
 from phcontrol.exceptions import InvalidArgumentError, PHControlError, UnknownNameError
 from phcontrol.mechanics.system import MechanicalSystem
-from phcontrol.simulation.closed_loop import simulate
-from phcontrol.simulation.simulate_many import simulate_many
 
-_REFUSED = 1e30  # in place of infinity, with which a search cannot calculate
 _FIRST = 0.4  # of the logarithm of a factor: the search's first step
 _TOLERANCE, _CHANGE = 1e-3, 1e-5  # of that logarithm, and of the objective, at which it ends
-
-Runner = Callable[[Controller, Any], Any]
+_DESCENT = 1e-6  # of the objective, over what it began with: a change at which a descent ends
 
 
 def tune(
@@ -43,7 +39,7 @@ def tune(
     bounds: tuple[float, float] = (0.1, 10.0),
     run: Runner | None = None,
     combine: Literal["mean", "max"] = "mean",
-    method: Literal["nelder-mead", "evolution"] = "nelder-mead",
+    method: Literal["gradient", "nelder-mead", "evolution"] | None = None,
     evaluations: int = 150,
     period: float | None = None,
     delay: int = 1,
@@ -52,8 +48,12 @@ def tune(
     """Make gains that minimise an objective over scenarios, without ever taking some whose loop is unstable.
 
     Each gain is multiplied by a factor, or by one a joint (F^½K F^½, which stays positive definite); the search is in
-    the factors' logarithms, inside bounds. It is derivative-free: Nelder and Mead's simplex, or differential evolution
-    for objectives with several minima. Gains whose loop about its rest has a mode that grows, with ``period`` as a
+    the factors' logarithms, inside bounds. An objective that says its slopes (:class:`SmoothObjective`, as
+    :class:`QuadraticCost` does) is followed down its gradient by sequential quadratic programming (SciPy's SLSQP): the
+    tangents of the compiled loop are carried along each run, and their gradient is held against differences of the
+    objective before anything else (1e-6, relatively). For all others, and where the loop cannot be differentiated, the
+    search is derivative-free: Nelder and Mead's simplex, or differential evolution for objectives with several minima;
+    ``TunedGains.reason`` says why. Gains whose loop about its rest has a mode that grows, with ``period`` as a
     sampled loop too, are refused before anything is run, and so are runs that fail and objectives that are not finite.
 
     Args:
@@ -69,15 +69,15 @@ def tune(
         bounds: of the factors.
         run: (law, scenario) -> what the objective is of; by default simulates the law on its own model.
         combine: "mean" or "max" of the objectives of all scenarios.
-        method: "nelder-mead" or "evolution".
-        evaluations: how many sets of gains are tried at most.
+        method: "gradient", "nelder-mead" or "evolution"; None for gradients where there are some, and else the simplex.
+        evaluations: how many sets of gains are tried at most, gradients counted too.
         period: for which torques are held [s].
         delay: by how many periods they are late.
         seed: of the evolution.
 
     Raises:
-        InvalidArgumentError: no scenarios, no gains, a sweep that varies gains or is of another law or arm, or the
-            gains to begin with are refused.
+        InvalidArgumentError: no scenarios, no gains, a sweep that varies gains or is of another law or arm, the gains
+            to begin with are refused, or gradients are asked for and there are none.
 
     Example:
         >>> import numpy as np
@@ -93,111 +93,117 @@ def tune(
     """
     law = _law(controller, system, goal)
     if isinstance(over, DrawnLoops):
-        scenarios, run = _drawn(law, over), run or _compiled
+        scenarios, run = _drawn(law, over), run or compiled
     else:
         scenarios = list(over)
     if not scenarios:
         raise InvalidArgumentError("over", "has no scenarios")
     choice("combine", combine, ("mean", "max"))
-    choice("method", method, ("nelder-mead", "evolution"))
+    if method is not None:
+        choice("method", method, ("gradient", "nelder-mead", "evolution"))
     most = count("evaluations", evaluations, minimum=2)
     if period is not None:
         positive("period", period)
-    low, high = _bounds(bounds)
-    search = _Search(
-        law, _names(law, gains, per_joint), flag("per_joint", per_joint), scenarios, objective, run or _simulated,
-        combine, period, count("delay", delay, minimum=0),
+    limits = _bounds(bounds)
+    search = GainSearch(
+        law, _names(law, gains, per_joint), flag("per_joint", per_joint), scenarios, objective, run, combine, period,
+        count("delay", delay, minimum=0),
     )  # fmt: skip
     start = np.zeros(search.size)
-    if search.cost(start) >= _REFUSED:
+    if search.cost(start) >= REFUSED:
         raise InvalidArgumentError("controller", f"begins with gains that are refused: {search.history[0].reason}")
-    limits = [(low, high)] * search.size
-    if method == "nelder-mead":
-        simplex = np.vstack([start, np.clip(start + _FIRST * np.eye(search.size), low, high)])
-        options = {
-            "maxfev": most - 1, "xatol": _TOLERANCE, "fatol": _CHANGE * abs(search.history[0].value),
-            "initial_simplex": simplex,
-        }  # fmt: skip
-        found = minimize(search.cost, start, method="Nelder-Mead", bounds=limits, options=options)
-    else:
-        population = max(2, min(15, most // (4 * search.size)))
-        generations = max(1, (most - 1) // (population * search.size) - 1)
-        found = differential_evolution(
-            search.cost, limits, x0=start, seed=seed, popsize=population, maxiter=generations, tol=_TOLERANCE,
-            polish=False,
-        )  # fmt: skip
+    used, reason, converged = method or "gradient", "", False
+    if used == "gradient":
+        converged, reason = _descended(search, limits, most)
+        if reason and method == "gradient":
+            raise InvalidArgumentError("method", f"is by gradients, and there are none: {reason}")
+        if reason:
+            used = "nelder-mead"
+            if isinstance(objective, SmoothObjective):
+                warnings.warn(f"the gains are tuned without gradients: {reason}", CompilationWarning, stacklevel=2)
+    if used == "nelder-mead":
+        converged = _by_simplex(search, limits, most)
+    elif used == "evolution":
+        converged = _evolved(search, limits, most, seed)
     best = min(search.history, key=lambda trial: trial.value)
-    changed = search.gains(np.log(np.concatenate([best.factors[name] for name in search.names])))
+    changed = search.gains(_point(search))
     return TunedGains(
-        law.changed(**changed), changed, best.value, search.history[0].value, tuple(search.history), bool(found.success)
-    )
+        law.changed(**changed), changed, best.value, search.history[0].value, tuple(search.history), converged, used,
+        reason, search.gradients, search.simulations,
+    )  # fmt: skip
 
 
-class _Search:
-    """The objective as a function of the factors' logarithms, with a memory."""
+class _EnoughError(Exception):
+    """All evaluations that were allowed have been used."""
 
-    def __init__(
-        self,
-        law: Controller,
-        names: tuple[str, ...],
-        per_joint: bool,
-        scenarios: list[Any],
-        objective: Callable[[Any], float],
-        run: Runner,
-        combine: str,
-        period: float | None,
-        delay: int,
-    ) -> None:
-        self.law, self.names, self._scenarios, self._objective, self._run = law, names, scenarios, objective, run
-        self._combine = np.mean if combine == "mean" else np.max
-        self._period, self._delay = period, delay
-        self._begun = {name: np.array(getattr(law, name), dtype=float) for name in names}
-        self._each = law.system.n if per_joint else 1
-        self.history: list[Trial] = []
 
-    @property
-    def size(self) -> int:
-        """How many factors there are."""
-        return self._each * len(self.names)
+def _descended(search: GainSearch, limits: tuple[float, float], most: int) -> tuple[bool, str]:
+    """Go down the gradient; return whether that came to an end by itself, and why it could not be gone, or ""."""
+    start = np.zeros(search.size)
+    try:
+        first = {start.tobytes(): (search.history[0].value, search.checked_gradient(start))}
+    except PHControlError as error:
+        return False, str(error)
+    scale = abs(search.history[0].value) or 1.0
 
-    def gains(self, logarithms: Array) -> dict[str, Array]:
-        """Return the gains."""
-        made = {}
-        for name, part in zip(self.names, np.split(np.asarray(logarithms), len(self.names)), strict=True):
-            root = np.exp(0.5 * part)
-            made[name] = self._begun[name] * (root[:, None] * root if len(root) > 1 else float(root[0]) ** 2)
-        return made
+    def spend() -> None:
+        if len(search.history) + search.gradients >= most:
+            raise _EnoughError
 
-    def cost(self, logarithms: Array) -> float:
-        """Return the objective of all scenarios."""
-        parts = np.split(np.exp(np.asarray(logarithms)), len(self.names))
-        factors = {name: tuple(map(float, part)) for name, part in zip(self.names, parts, strict=True)}
-        value, reason = self._valued(self.gains(logarithms))
-        self.history.append(Trial(factors, value, reason))
-        return value if math.isfinite(value) else _REFUSED
+    def cost(x: Array) -> float:
+        if x.tobytes() in first:
+            return first[x.tobytes()][0] / scale
+        spend()
+        return search.cost(x) / scale
 
-    def _valued(self, gains: dict[str, Array]) -> tuple[float, str]:
-        try:
-            law = self.law.changed(**gains)
-            reason = self._unstable(law)
-            if reason:
-                return math.inf, reason
-            values = [float(self._objective(self._run(law, scenario))) for scenario in self._scenarios]
-        except PHControlError as error:
-            return math.inf, str(error)
-        value = float(self._combine(values))
-        return (value, "") if math.isfinite(value) else (math.inf, "the objective is not finite")
+    def gradient(x: Array) -> Array:
+        if x.tobytes() in first:
+            return first[x.tobytes()][1] / scale
+        spend()
+        return search.gradient(x) / scale
 
-    def _unstable(self, law: Controller) -> str:
-        """Return why a loop is not to be run; laws that follow something have no rest to look about."""
-        if law.time_span or law.lacks_minimum.startswith("stability in contact"):
-            return ""
-        loop = linearize(law, law.system, exact=False)
-        if (loop.eigenvalues.real - loop.uncertainty > 0.0).any():
-            return "a mode of the loop about its rest grows"
-        if self._period is not None and not loop.sampled(self._period, self._delay).stable:
-            return f"the loop is not stable with a torque held for {self._period:g} s and {self._delay} periods late"
-        return ""
+    try:
+        found = minimize(
+            cost, start, jac=gradient, method="SLSQP", bounds=[limits] * search.size,
+            options={"ftol": _DESCENT, "maxiter": most},
+        )  # fmt: skip
+    except _EnoughError:
+        return False, ""
+    except PHControlError as error:
+        return False, str(error)
+    return bool(found.success), ""
+
+
+def _by_simplex(search: GainSearch, limits: tuple[float, float], most: int) -> bool:
+    """Search from the best point so far by Nelder and Mead's simplex; return whether that came to an end by itself."""
+    start, left = _point(search), most - len(search.history) - search.gradients
+    if left < 1:
+        return False
+    simplex = np.vstack([start, np.clip(start + _FIRST * np.eye(search.size), *limits)])
+    options = {
+        "maxfev": left, "xatol": _TOLERANCE, "fatol": _CHANGE * abs(search.history[0].value),
+        "initial_simplex": simplex,
+    }  # fmt: skip
+    found = minimize(search.cost, start, method="Nelder-Mead", bounds=[limits] * search.size, options=options)
+    return bool(found.success)
+
+
+def _evolved(search: GainSearch, limits: tuple[float, float], most: int, seed: int) -> bool:
+    """Search by differential evolution; return whether that came to an end by itself."""
+    population = max(2, min(15, most // (4 * search.size)))
+    generations = max(1, (most - 1) // (population * search.size) - 1)
+    found = differential_evolution(
+        search.cost, [limits] * search.size, x0=np.zeros(search.size), seed=seed, popsize=population,
+        maxiter=generations, tol=_TOLERANCE, polish=False,
+    )  # fmt: skip
+    return bool(found.success)
+
+
+def _point(search: GainSearch) -> Array:
+    """Return the logarithms of the best factors so far."""
+    best = min(search.history, key=lambda trial: trial.value)
+    found: Array = np.log(np.concatenate([best.factors[name] for name in search.names]))
+    return found
 
 
 def _law(controller: Controller | str, system: MechanicalSystem | None, goal: Any) -> Controller:
@@ -250,22 +256,3 @@ def _drawn(law: Controller, sweep: DrawnLoops) -> list[Any]:
             "over", f"is of {first.name} on {arm.name}, and what is tuned is {law.name} on {law.system.robot.name}"
         )
     return loops
-
-
-def _compiled(law: Controller, scenario: Any) -> Any:
-    """Return the log of a run of a sweep. Raises PHControlError where it failed."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CompilationWarning)
-        (outcome,) = simulate_many(**scenario, controller=law, workers=1, progress=False)
-    if outcome.error:
-        raise PHControlError(outcome.error)
-    return outcome.value
-
-
-def _simulated(law: Controller, scenario: Any) -> Any:
-    """Return the log of the law on its own model, or on the scenario's ``system``."""
-    if not isinstance(scenario, Mapping):
-        raise InvalidArgumentError(
-            "over", f"must hold dictionaries for simulate(), but one is {type(scenario).__name__}"
-        )
-    return simulate(**({"system": law.system, "controller": law} | dict(scenario)))

@@ -40,6 +40,14 @@ class TunedGains:
     """Every set of gains that was tried, in order; the first are those that it began with."""
     converged: bool
     """Whether the search ended by itself, and not with its last evaluation."""
+    method: str
+    """"gradient", "nelder-mead" or "evolution"."""
+    reason: str
+    """Why gradients were not used, or not to the end; "" where they were, or another method was asked for."""
+    gradients: int
+    """How many gradients were computed."""
+    simulations: int
+    """How many runs were simulated: of trials, gradients, and the differences that the first gradient is checked by."""
 
     @property
     def factors(self) -> dict[str, tuple[float, ...]]:
@@ -56,8 +64,11 @@ class TunedGains:
         end = "converged" if self.converged else "stopped at the number of evaluations that was allowed"
         lines = [
             f"{self.law.name} on {self.law.system.robot.name}: {self.start_value:.4g} -> {self.value:.4g} in "
-            f"{len(self.history)} evaluations ({len(self.refused)} refused), {end}"
+            f"{len(self.history)} evaluations ({len(self.refused)} refused) and {self.gradients} gradients, by "
+            f"{self.method}, {self.simulations} runs: {end}"
         ]
+        if self.reason:
+            lines.append(f"  without gradients: {self.reason}")
         for name, factors in self.factors.items():
             lines.append(f"  {name} times {np.array2string(np.array(factors), precision=3)}")
         return "\n".join(lines)

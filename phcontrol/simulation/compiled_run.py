@@ -88,26 +88,34 @@ def compiler_found() -> Compiler:
     return compiler
 
 
-def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
-    """Return a run's closed loop in C; None, with a warning that says why, where it is simulated interpreted.
+def prepare(run: Run, others: dict[str, Any]) -> Prepared:
+    """Return a run's closed loop in C.
 
     Args:
         run: what is simulated.
         others: what else was asked for, by name; what is not None is not compiled.
+
+    Raises:
+        CompilationError: it is not compiled; says why.
     """
     observer, more = observer_among(run)
     problem = obstacles(run.loop, others | {"sensors": True if more else None})
-    try:
-        if problem:
-            raise CompilationError(problem)
-        compiler = compiler_found()
-        from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
-        from phcontrol.compilation.law_inputs import remembering
+    if problem:
+        raise CompilationError(problem)
+    compiler = compiler_found()
+    from phcontrol.compilation.compiled_loop import EXPLICIT, numbers_of_arrangement
+    from phcontrol.compilation.law_inputs import remembering
 
-        with remembering():
-            arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
-            made = compiled_loop(arrangement, run, compiler)
-            return Prepared(made, numbers_of_arrangement(arrangement), signals)
+    with remembering():
+        arrangement, signals = arranged(run.loop, observer, run.integrator not in EXPLICIT)
+        made = compiled_loop(arrangement, run, compiler)
+        return Prepared(made, numbers_of_arrangement(arrangement), signals)
+
+
+def prepared(run: Run, others: dict[str, Any]) -> Prepared | None:
+    """Return what ``prepare`` does; None, with a warning that says why, where a run is simulated interpreted."""
+    try:
+        return prepare(run, others)
     except CompilationError as error:
         say_interpreted(str(error))
         return None

@@ -118,7 +118,7 @@ def _worst(results: SweepResults, spec: str) -> Iterator[str]:
     for name in results.measures:
         for place, run in enumerate(results.worst(name, _WORST)):
             row = int(np.searchsorted(runs, run))
-            again = f"phcontrol sweep {escape(spec)} --replay {run}"
+            again = f"phcontrol sweep {escape(spec)} --replay {run} --of {results.manifest['hash'][:8]}"
             head = f'<td rowspan="{min(_WORST, len(results))}">{escape(name)}</td>' if place == 0 else ""
             value = "failed" if results.failed[row] else f"{values[name][row]:.4g}"
             yield f"<tr>{head}<td>{value}</td><td>{run}</td><td><code>{again}</code></td></tr>"

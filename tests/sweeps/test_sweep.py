@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from pyarrow import parquet
 from typer.testing import CliRunner
 
 from phcontrol import DataFileError, EngineError, LocalProcesses, Log, Statement, Sweep, SweepResults, simulate
+from phcontrol._version import __version__
 from phcontrol.cli import app
 from phcontrol.compilation.compiler import find_compiler
 from phcontrol.sweeps.chunk import Chunk, run_chunk
@@ -262,38 +264,106 @@ def test_a_sweep_that_was_killed_goes_on(spec, undisturbed, tmp_path):
     same(SweepResults.read(folder), undisturbed)
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Return a Dask scheduler and two workers, each a process of its own on loopback: address and workers."""
-    place = tmp_path / "scheduler.json"
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "cwd": ROOT}
+class Cluster:
+    """A Dask scheduler and workers, each a process of its own on loopback.
 
-    def start(kind, *arguments):
-        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.dask_{kind}", *arguments], **quiet)
+    Args:
+        folder: for what they write.
+        packages: for each worker, the folder in which it finds phcontrol.
+    """
 
-    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--dashboard-address", "",
-                      "--scheduler-file", str(place))  # fmt: skip
-    workers = [
-        start("worker", "--scheduler-file", str(place), "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny",
-              "--no-dashboard", "--death-timeout", "60", "--local-directory", str(tmp_path / f"worker-{k}"))
-        for k in range(2)
-    ]  # fmt: skip
-    try:
+    def __init__(self, folder, packages):
+        self._folder, self.workers = folder, []
+        place = folder / "scheduler.json"
+        self._scheduler = self._started(
+            "scheduler", ROOT, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--dashboard-address", "",
+            "--scheduler-file", str(place),
+        )  # fmt: skip
+        for package in packages:
+            self.add(package)
         for _ in range(600):
             if place.is_file() and place.read_text().strip().endswith("}"):
                 break
             time.sleep(0.1)
-        yield json.loads(place.read_text())["address"], workers
-    finally:
-        for process in (*workers, scheduler):
+        self.address = json.loads(place.read_text())["address"]
+
+    def add(self, package):
+        """Start a worker."""
+        own = self._folder / f"worker-{len(self.workers)}"
+        self.workers.append(
+            self._started(
+                "worker", package, "--scheduler-file", str(self._folder / "scheduler.json"), "--host", "127.0.0.1",
+                "--nthreads", "1", "--no-nanny", "--no-dashboard", "--death-timeout", "60", "--local-directory",
+                str(own),
+            )
+        )  # fmt: skip
+
+    @staticmethod
+    def _started(kind, package, *arguments):
+        environment = os.environ | {"PYTHONPATH": str(package), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "cwd": package}
+        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.dask_{kind}", *arguments], **quiet)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        processes = (*self.workers, self._scheduler)
+        for process in processes:
             process.terminate()
-        for process in (*workers, scheduler):
+        for process in processes:
             try:
                 process.wait(20.0)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+@pytest.fixture
+def another_version(tmp_path):
+    """Return a folder with a phcontrol that is the same, but for its version."""
+    folder = tmp_path / "another"
+    shutil.copytree(ROOT / "phcontrol", folder / "phcontrol", ignore=shutil.ignore_patterns("__pycache__"))
+    path = folder / "phcontrol" / "_version.py"
+    text = path.read_text()
+    path.write_text(text.replace(f'__version__ = "{__version__}"', '__version__ = "0.0.1"'))
+    assert path.read_text() != text
+    return folder
+
+
+def test_a_worker_of_another_version_is_refused(spec, another_version, tmp_path):
+    """A worker that is there from the start, and one that comes when the sweep has begun."""
+    with Cluster(tmp_path, [another_version]) as cluster:
+        said = f"phcontrol 0.0.1, and this is {__version__}: install the same on all"
+        with pytest.raises(EngineError, match=said):
+            DaskScheduler(cluster.address, timeout=60.0)
+        result = CliRunner().invoke(
+            app, ["sweep", str(spec), "--out", str(tmp_path / "o"), "--scheduler", cluster.address]
+        )
+        assert result.exit_code == 2
+        assert said in result.output
+        assert not list((tmp_path / "o").rglob("*.parquet"))
+
+
+def test_a_worker_of_another_version_that_comes_late_is_refused(small, another_version, tmp_path):
+    with Cluster(tmp_path, [ROOT]) as cluster, DaskScheduler(cluster.address, timeout=60.0) as engine:
+        cluster.add(another_version)
+        for _ in range(600):
+            if len(engine._client.nthreads()) == 2:
+                break
+            time.sleep(0.1)
+        cluster.workers[0].kill()
+        cluster.workers[0].wait()
+        with pytest.raises(EngineError, match=f"a worker has phcontrol 0.0.1, and the sweep {__version__}: install"):
+            Sweep(**small).run(tmp_path / "o", engine=engine)
+        assert not list((tmp_path / "o").rglob("*.parquet"))
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Return a Dask scheduler and two workers: address and workers."""
+    with Cluster(tmp_path, [ROOT, ROOT]) as found:
+        yield found.address, found.workers
 
 
 def test_a_worker_and_the_client_are_killed_on_dask(spec, undisturbed, cluster, tmp_path):
@@ -341,11 +411,12 @@ def test_the_example_and_its_report(tmp_path, monkeypatch):
     page = Path("out/report.html").read_text()
     results = SweepResults.read("out")
     worst = results.worst("final_error", 1)[0]
-    assert f"phcontrol sweep sweep.toml --replay {worst}</code>" in page
+    assert f"phcontrol sweep sweep.toml --replay {worst} --of {results.manifest['hash'][:8]}</code>" in page
     assert "exact for independent draws, for a Sobol sequence not proved" in page
     for picture in ("maps.png", "quantiles.png"):
         assert Path("out", picture).read_bytes()[:4] == b"\x89PNG"
-    result = CliRunner().invoke(app, ["sweep", "sweep.toml", "--replay", str(worst)])
+    again = re.search(rf"phcontrol (sweep sweep.toml --replay {worst} --of \w+)</code>", page)[1].split()
+    result = CliRunner().invoke(app, again)
     assert result.exit_code == 0, result.output
     assert len(Log.load(f"run-{worst}.npz")) == 1001
     said = dict(line.split() for line in result.output.splitlines() if len(line.split()) == 2)
@@ -353,6 +424,16 @@ def test_the_example_and_its_report(tmp_path, monkeypatch):
         assert float(said[name]) == pytest.approx(results.column(name)[worst], rel=1e-7)
     for name in results.parameters:
         assert float(said[name]) == pytest.approx(results.column(name)[worst], rel=1e-7)
+    # other gains in the file make other runs: not those of the report, and not done in their name
+    assert "bandwidth = 10.0" in text
+    Path("sweep.toml").write_text(text.replace("runs = 128", "runs = 8").replace("bandwidth = 10.0", "bandwidth = 5.0"))
+    result = CliRunner().invoke(app, again)
+    assert result.exit_code == 2
+    assert "is not the sweep that sweep.toml describes now" in result.output
+    result = CliRunner().invoke(app, again[:4])
+    other = dict(line.split() for line in result.output.splitlines() if len(line.split()) == 2)
+    assert float(other["final_error"]) > 1.05 * float(said["final_error"])
+    assert other["payload_mass"] == said["payload_mass"]
 
 
 @pytest.mark.parametrize(
@@ -365,6 +446,7 @@ def test_the_example_and_its_report(tmp_path, monkeypatch):
         (SPEC.replace("uniform = [0.0, 0.5]", "distribution = 'norm'"), [], "must be >= 0 kg"),
         (SPEC, ["--replay", "48"], "must be below 48"),
         (SPEC, ["--replay", "1", "--workers", "2"], "takes neither --workers nor --scheduler"),
+        (SPEC, ["--out", "o", "--of", "1a"], "--of: goes with --replay"),
         (SPEC, [], "--out: must be given"),
         (SPEC, ["--out", "o", "--workers", "1", "--scheduler", "tcp://x:1"], "leave out --workers"),
     ],
