@@ -1,6 +1,6 @@
 """What an identified friction is worth on a simulated Franka Research 3, over the robot's own protocol.
 
-    pip install 'phcontrol[franka]' franky-sim && franky-sim       # prints the simulated robot's address
+    pip install 'phcontrol[franka]' franky-sim && franky-sim -s mujoco   # prints the simulated robot's address
     python benchmarks/franka_friction.py 127.0.0.1 --urdf fr3.urdf
 
 A tracking law leads the arm along a motion in which friction shows, friction is identified from what was read and sent,

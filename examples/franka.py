@@ -1,7 +1,7 @@
 """A law on a Franka Research 3, real or simulated: the same commands for both.
 
     pip install 'phcontrol[franka]'
-    pip install franky-sim && franky-sim           # in another environment: prints the simulated robot's address
+    pip install franky-sim && franky-sim -s mujoco # in another environment: prints the simulated robot's address
     python examples/franka.py 127.0.0.1 --urdf fr3.urdf [--law tracking] [--seconds 20]
 
 The arm goes half a radian's way and back, or swings, within the documented limits of the robot. ``fr3.urdf`` is your
