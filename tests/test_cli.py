@@ -727,6 +727,43 @@ def test_the_package_loads_neither_plots_nor_viewer_until_needed():
     assert result.stdout.strip() == "[]"
 
 
+def test_an_interrupt_during_the_imports_is_quiet():
+    """It came as a traceback out of typer's modules, when Ctrl-C was pressed in the first half second."""
+    code = """
+import sys
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+from phcontrol.cli import main
+main()
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout, result.stderr) == (130, "", "")
+
+
+def test_the_hand_is_named_and_a_finger_is_no_silent_choice(tmp_path):
+    """The Panda's hand by default is a finger while fingers move: nothing said that the spring holds it."""
+    short = ["--duration", "0.02", "--samples", "3", "--json", "--out", str(tmp_path)]
+    finger = run("run", "cartesian_impedance", "--robot", "panda", "--push", "0,0,-1", *short)
+    assert json.loads(finger.stdout)["frame"] == "panda_rightfinger"
+    locks = ["--lock", "panda_finger_joint1", "--lock", "panda_finger_joint2"]
+    assert f"the hand is panda_rightfinger, a finger: {' '.join(locks)} makes" in finger.stderr
+    locked = run("run", "cartesian_impedance", "--robot", "panda", "--push", "0,0,-1", *locks, *short)
+    assert json.loads(locked.stdout)["frame"] == "panda_hand_tcp"
+    asked = run(
+        "run", "cartesian_impedance", "--robot", "panda", "--frame", "panda_hand_tcp", "--push", "0,0,-1", *short
+    )
+    assert json.loads(asked.stdout)["frame"] == "panda_hand_tcp"
+    for result in (locked, asked):
+        assert "finger:" not in result.stderr
+        assert json.loads(result.stdout)["final_turn"] >= 0.0
+    spoken = run("run", "cartesian_impedance", "--robot", "ur5", "--push", "0,0,-1", *short[:4], "--out", str(tmp_path))
+    assert "mrad of the hand (tool0) after" in spoken.stdout
+    assert "finger" not in spoken.output
+
+
 def test_silence_in_a_pipe(tmp_path):
     command = [sys.executable, "-m", "phcontrol.cli", "run", "position", *QUICK, "--out", str(tmp_path)]
     result = subprocess.run(command, capture_output=True, text=True, check=True)

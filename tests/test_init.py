@@ -34,7 +34,7 @@ def project(tmp_path, monkeypatch):
     Path("arms", "little arm.urdf").write_text(description)
     result = init("my-robot", "--robot", Path("arms", "little arm.urdf"))
     assert result.exit_code == 0, result.output
-    assert "next: cd my-robot && pytest" in result.output
+    assert "next: cd my-robot && python -m pytest" in result.output
     return tmp_path / "my-robot"
 
 
@@ -88,6 +88,18 @@ def test_a_name_and_locked_joints(tmp_path, monkeypatch):
     assert 'SOURCE = "panda"' in text
     assert '["panda_finger_joint1"]' in text
     assert "--robot panda --controller law:MyLaw --lock panda_finger_joint1" in Path("empty", "README.md").read_text()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_missing_pytest_is_said(tmp_path, monkeypatch, there):
+    """phcontrol does not bring pytest: a newcomer's ``pytest`` was not found, or was that of another environment."""
+    monkeypatch.setattr("phcontrol.cli.init.find_spec", lambda name: object() if there else None)
+    result = init(tmp_path / "mine", "--robot", "ur5")
+    assert result.exit_code == 0, result.output
+    assert ("pytest is missing: pip install pytest" in result.output) is not there
+    page = (tmp_path / "mine" / "README.md").read_text()
+    assert "\npython -m pytest " in page
+    assert "pip install pytest" in page
 
 
 def test_nothing_is_written_where_something_is_or_for_an_arm_that_is_none(tmp_path, monkeypatch):

@@ -1,6 +1,6 @@
 """``python -m phcontrol.cli``."""
 
-from phcontrol.cli.application import main
+from phcontrol.cli import main
 
 if __name__ == "__main__":
     main()

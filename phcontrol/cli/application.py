@@ -96,8 +96,8 @@ def version_option(
         typer.echo(context.get_help())
 
 
-def main() -> None:
-    """Entry point of the ``phcontrol`` command."""
+def run() -> None:
+    """Run the command that was asked for."""
     warnings.showwarning = say_warning
     try:
         app()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -42,7 +43,9 @@ def init(
         write_text(folder / name, text) for name, text in files_of(title, found.name, source, locked, rotors).items()
     ]
     typer.echo(f"wrote {', '.join(path.name for path in written)} to {folder}: a law of your own for {found.name}")
-    typer.echo(f"next: cd {folder} && pytest")
+    typer.echo(f"next: cd {folder} && python -m pytest")
+    if find_spec("pytest") is None:
+        typer.echo("for that, pytest is missing: pip install pytest")
 
 
 def _check_that_it_can_be_simulated(system: MechanicalSystem) -> None:

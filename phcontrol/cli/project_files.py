@@ -52,7 +52,7 @@ class MyLaw(Controller):
         )
 '''
 
-TEST = '''"""The law is what it promises on this arm, and brings the arm to its goal. Run with ``pytest``."""
+TEST = '''"""The law is what it promises on this arm, and brings the arm to its goal. Run with ``python -m pytest``."""
 
 import numpy as np
 from phcontrol import certify, simulate
@@ -83,11 +83,11 @@ A law of your own on {robot}, with a test that certifies it. Made by `phcontrol 
 |---|---|
 | `arm.py` | which arm: `{source}` |
 | `law.py` | `MyLaw`: change its `storage` and `target`; the torque follows from them |
-| `test_law.py` | its certificate, and a run: `pytest` |
-| `first_run.ipynb` | the same step by step, with plots |
+| `test_law.py` | its certificate, and a run; needs `pip install pytest` |
+| `first_run.ipynb` | the same step by step, with plots: `pip install notebook && jupyter notebook` |
 
 ```sh
-pytest                                                          # is the law what it promises, on this arm?
+python -m pytest                                                # is the law what it promises, on this arm?
 phcontrol certify --robot {argument} --controller law:MyLaw{lock}
 phcontrol run position --robot {argument} --controller law:MyLaw{lock} --record run.html
 ```

@@ -44,11 +44,22 @@ PushOption = Annotated[
     str | None, typer.Option(help="Force on the hand x,y,z in the world [N], and a torque, three more [N·m].")
 ]
 _DIRECTIONS = 6  # of a pose
-HandOption = Annotated[str | None, typer.Option(help="The hand: a frame. Default: the tool, or the last frame.")]
+HandOption = Annotated[
+    str | None,
+    typer.Option(
+        help="The hand: a frame. Default: the tool, or the last frame that all joints move; the result names it."
+    ),
+]
 
 
-def _with_hand(system: MechanicalSystem) -> MechanicalSystem:
-    """Return an arm; say so where it has too few joints to move its hand in every direction."""
+def _with_hand(system: MechanicalSystem, frame: str | None) -> MechanicalSystem:
+    """Return an arm; say so where its hand is a finger, or has too few joints to be moved in every direction."""
+    fingers = [] if frame is not None else _fingers(system)
+    if fingers:
+        say_aside(
+            f"note: the hand is {system.hand_frame}, a finger: --lock {' --lock '.join(fingers)} makes it the frame "
+            "that carries the fingers; --frame names another"
+        )
     if system.n < _DIRECTIONS:
         joints = "1 joint" if system.n == 1 else f"{system.n} joints"
         say_aside(
@@ -56,6 +67,15 @@ def _with_hand(system: MechanicalSystem) -> MechanicalSystem:
             "joints can move of the hand"
         )
     return system
+
+
+def _fingers(system: MechanicalSystem) -> list[str]:
+    """Return the joints that branch from one link and end in the hand's default frame; none where it is no finger."""
+    model = system.robot.model
+    last = model.frames[system.frame_id(system.hand_frame)].parentJoint
+    carrier = model.parents[last]
+    branches = [joint for joint in range(1, model.njoints) if model.parents[joint] == carrier]
+    return [model.names[joint] for joint in branches] if carrier and len(branches) > 1 else []
 
 
 def impedance(
@@ -84,7 +104,7 @@ def impedance(
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
-        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia)),
+        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia), frame),
         out,
         Showing(view, record, port, as_json),
         controller=controller,
@@ -135,7 +155,7 @@ def tracking(
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
-        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia)),
+        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia), frame),
         out,
         Showing(view, record, port, as_json),
         controller=controller,

@@ -57,7 +57,12 @@ class CartesianRun(PositionRun):
     def outcome(self) -> str:
         """Return what is left of the error at the end, in words."""
         angle = float(np.linalg.norm(self.hand_errors[-1, 3:]))
-        return f"{1e3 * self.final_error:.3g} mm and {1e3 * angle:.3g} mrad of the hand"
+        return f"{1e3 * self.final_error:.3g} mm and {1e3 * angle:.3g} mrad of the hand ({self.frame})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``summary`` says, for JSON; ``final_error`` is the hand's [m], ``final_turn`` its angle [rad]."""
+        turn = float(np.linalg.norm(self.hand_errors[-1, 3:]))
+        return super().to_dict() | {"frame": self.frame, "final_turn": turn}
 
     def figure(self, title: str) -> Figure:
         """Return a picture of the run."""

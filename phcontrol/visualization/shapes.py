@@ -93,6 +93,7 @@ def tinted(shapes: Sequence[Shape], color: tuple[float, ...]) -> list[Shape]:
     return [replace(shape, color=color) for shape in shapes]
 
 
+_SAID = 2  # links whose shapes cannot be drawn that a warning names; the page names all
 _STEPS = 2047
 
 
@@ -147,8 +148,12 @@ def robot_shapes(robot: Robot, *, confined: bool = False) -> tuple[dict[str, lis
             except (OSError, ValueError, ImportError) as error:
                 notes.append(f"link {link.name} is not drawn: {error}")
     if notes:
-        advice = ". load_robot(..., package_directories=...) says where meshes are"
-        warnings.warn(f"{robot.name}: {'; '.join(notes)}{advice}", RobotDescriptionWarning, stacklevel=2)
+        said = "; ".join(notes[:_SAID]) + (f"; and {len(notes) - _SAID} more" if len(notes) > _SAID else "")
+        advice = (
+            ". Meshes are sought from the folder of the description on; other folders are named by "
+            "load_robot(..., package_directories=...)"
+        )
+        warnings.warn(f"{robot.name}: {said}{advice}", RobotDescriptionWarning, stacklevel=2)
     if not any(shapes.values()):
         notes.append(f"{robot.name} has no shapes to draw: lines between its joints instead")
     return shapes, notes

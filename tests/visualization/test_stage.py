@@ -193,6 +193,18 @@ def test_a_mesh_beside_its_urdf_is_found_and_scaled(tmp_path):
     np.testing.assert_allclose(np.ptp(node.shapes[0].points, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
 
 
+def test_many_missing_meshes_are_one_short_warning_and_a_note_each(tmp_path):
+    """A description without its folder of meshes has one missing for each link: the warning went over eleven lines."""
+    mesh = '<visual><geometry><mesh filename="meshes/{}.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(ARM.format("".join(mesh.format(number) for number in range(9))))
+    with pytest.warns(RobotDescriptionWarning) as warned:
+        stage = Stage(load_robot(tmp_path / "arm.urdf"))
+    (message,) = [str(warning.message) for warning in warned]
+    assert message.count("is not drawn") == 2
+    assert "; and 7 more. Meshes are sought from the folder of the description on" in message
+    assert sum("is not drawn" in note for note in stage.notes) == 9
+
+
 def test_what_a_log_does_not_hold_is_said(log):
     stripped = Log(log._data, {key: value for key, value in log.metadata.items() if key != "robot_record"}, log._loop)
     with pytest.raises(PHControlError, match="does not hold its robot's description"):
