@@ -346,7 +346,7 @@ static void step(run *c, int method, double t, const real *y, double dt, int sam
 /* One instant: what a run would find there. */
 void phcontrol_field(double t, const real *y, const real *p, const real *limit, const real *steady,
                      const double *const *signals, real *u, real *f, real *dy, long long *status) {{
-  run c = {{p, limit, steady, signals, NULL, NULL, NULL, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+  run c = {{.p = p, .limit = limit, .steady = steady, .signals = signals, .alive = EVERY}};
   real shown[N + 1];
   for (int i = 0; i < N; i++) shown[i] = SAME(0.0);
   c.shown = shown;
@@ -365,8 +365,8 @@ void phcontrol_run(long first, long last, long rows, long steps, double dt, long
                    const double *const *signals, double *const *felt, double *const *joints, real *carry, real *line,
                    real *states, real *torques, real *external, real *readings, real *read, real *ends,
                    long long *status, long long *reached) {{
-  run c = {{p, limit, steady, signals, felt, joints, carry, carry + HELD,
-           EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+  run c = {{.p = p, .limit = limit, .steady = steady, .signals = signals, .felt = felt, .joints = joints,
+           .held = carry, .shown = carry + HELD, .alive = EVERY}};
   const int sampled = stride > 0;
   const long places = sampled ? late / stride + 1 : 0;
   real a[Y], rate[S + B + 1], view[2 * N + S];

@@ -103,7 +103,7 @@ void phcontrol_tangents(long steps, double dt, long stride, double period, int m
                         const real *steady, const double *const *signals, const double *states, const double *weights,
                         const real *start, real *sum, long long *status, long long *reached) {{
   real held[2 * N], held_rate[2 * Y], a[2 * Y], y[2 * Y], next[2 * Y], u[2 * N], f[2 * N];
-  run c = {{p, limit, steady, signals, NULL, held, NULL, EVERY, EVERY ^ EVERY, EVERY ^ EVERY, EVERY ^ EVERY}};
+  run c = {{.p = p, .limit = limit, .steady = steady, .signals = signals, .held = held, .alive = EVERY}};
   const int sampled = stride > 0;
   for (int i = 0; i < 2 * Y; i++) held_rate[i] = SAME(0.0);
   for (int i = 0; i < Y; i++) y[Y + i] = start[i];

@@ -54,6 +54,7 @@ def gradient_along(arguments: dict[str, Any], log: Log, slopes: LogSlopes, direc
     beside = {"progress", "watch", "compiled", "setpoint"}
     run = Run(**{name: value for name, value in arguments.items() if name not in beside})
     others = {"a torque filter": run.filter, "a setpoint": arguments.get("setpoint"), "watch": arguments.get("watch")}
+    others |= {"a joint sensor": run.joint_sensor, "a delay of the torque": run.late or None}
     found = prepare(run, others)
     tangents = _MADE.get(found.loop)
     if tangents is None:
