@@ -10,6 +10,7 @@ from phcontrol import (
     CompilationWarning,
     ForceSensor,
     InvalidArgumentError,
+    JointSensor,
     LogSlopes,
     MechanicalSystem,
     QuadraticCost,
@@ -159,6 +160,11 @@ def test_where_there_are_no_gradients_it_says_so_and_does_without(shoulder, monk
         ("caller's own function", {"run": lambda law, one: simulate(shoulder, law, **one), "over": [scenario]}),
         ("the largest of several", {"combine": "max", "over": [scenario, scenario | {"duration": 0.1}]}),
         ("implicit_midpoint", {"over": [scenario | {"integrator": "implicit_midpoint"}]}),
+        (
+            "a joint sensor",
+            {"over": [scenario | {"joint_sensor": JointSensor(position_bias=1e-3), "control_period": 2e-3}]},
+        ),
+        ("a delay of the torque", {"over": [scenario | {"torque_delay": 2e-3, "control_period": 2e-3}]}),
     ):
         with pytest.warns(CompilationWarning, match=f"tuned without gradients: .*{problem}"):
             found = tune(law, **({"objective": cost, "evaluations": 12} | more))
