@@ -17,6 +17,8 @@ from phcontrol.vision.scene import Scene
 
 STEPS = (1e-4, 1e-5, 1e-6)
 """Of the differences, in natural units; for each column the best is taken."""
+_TINY, _BEND = 1e-7, 1e-3  # a step, and by how much slopes ahead and behind may differ over it: more in a kink
+_ROUNDING = 1e-12  # of what is differentiated
 _ACCURATE = 1e-8  # of the largest entry: an error below which no other step is tried
 
 
@@ -30,6 +32,16 @@ def best_jacobian(function: Callable[[Array], Array], point: Array, units: Array
         nearer = difference.max(axis=0) < error.max(axis=0)
         best, error = np.where(nearer, now, best), np.where(nearer, difference, error)
     return best, error
+
+
+def _bend(function: Callable[[Array], Array], point: Array, units: Array) -> float:
+    """Return by how much slopes ahead and behind differ at most, beyond rounding."""
+    at, worst = function(point), 0.0
+    natural = max(float(np.abs(one).max(initial=0.0)) for one in (at, function(point + units)))
+    for step in np.diag(_TINY * units):
+        apart = float(np.abs(function(point + step) + function(point - step) - 2.0 * at).max(initial=0.0))
+        worst = max(worst, (apart - _ROUNDING * natural) / float(step.max()))
+    return worst
 
 
 def differenced_loop(
@@ -51,7 +63,11 @@ def differenced_loop(
         if not point.size:
             return np.zeros((len(function(point)), 0))
         found, error = best_jacobian(function, point, scale)
-        errors.append(float(error.max(initial=0.0)) / max(float(np.abs(found).max(initial=0.0)), 1e-12))
+        largest = max(float(np.abs(found).max(initial=0.0)), 1e-12)
+        errors.append(float(error.max(initial=0.0)) / largest)
+        bend = _bend(function, point, scale)
+        if bend > _BEND * largest:  # a kink, of which central differences see nothing where it is even
+            errors.append(bend / largest)
         return found
 
     def shown(moving: Array, outside: Array) -> Array:

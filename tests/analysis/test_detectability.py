@@ -89,7 +89,8 @@ def test_a_redundant_arm_on_a_spring_of_its_hand_is_free_to_move():
         frame, Pose(pose.translation, pose.rotation), translational_stiffness=300.0, rotational_stiffness=20.0
     )
     found = invariant_set(make_controller("energy_shaping", system, potential=spring), system, samples=2)
-    assert (found.dimension, found.marginal) == (1, 1)
+    assert (found.dimension, found.marginal, found.hidden) == (1, 1, 1)
+    assert not found.detectable  # it rests there: ŷ = 0, and does not come back
     jacobian = system.at(system.robot.home).frame_jacobian(frame, "local")
     assert np.abs(jacobian @ found.directions[:7, 0]).max() < 1e-5  # the self-motion
     assert np.abs(found.directions[7:]).max() < 1e-5

@@ -609,6 +609,14 @@ def test_the_power_of_a_drive_is_said():
     assert certify(ImpedanceGrasping.tuned(plant)).drive_power is None
 
 
+def test_a_drive_of_a_micrometre_a_second_brings_in_microwatts():
+    """|vᵀK_p e| ≤ |v| |K_p| |e|, of an error of a hundred turns at most."""
+    plant = make_system("pera_shoulder")
+    law = ImpedanceGrasping.tuned(plant, regulation=ForceRegulation(np.full(2, 0.2), rate_limit=1e-6))
+    most = np.sqrt(2.0) * 1e-6 * np.linalg.norm(law.stiffness, 2) * 200.0 * np.pi
+    assert 0.0 < certify(law, samples=32).drive_power < most < 1.0
+
+
 # --- right laws that once failed --------------------------------------------------------------------------
 
 

@@ -11,8 +11,10 @@ from phcontrol import (
     InvalidArgumentError,
     LoopDerivatives,
     MechanicalSystem,
+    PHControlError,
     StribeckFriction,
     UnknownNameError,
+    linearize,
     make_controller,
 )
 from phcontrol.controllers.energy_shaping import EnergyShaping
@@ -179,6 +181,9 @@ def test_where_there_is_no_derivative_it_is_refused():
     assert LoopDerivatives(law).at(0.0, [0.3, 0.7]).state.shape == (4, 4)
     with pytest.raises(CompilationError, match="has no derivative there"):
         LoopDerivatives(law).at(0.0, [0.2, 0.5])
+    for exact in (None, False):  # central differences of an even bend see a slope of 0
+        with pytest.raises(PHControlError, match="has no derivative there"):
+            linearize(law, system, at=[0.2, 0.5], exact=exact)
 
 
 def test_what_is_asked_for_is_checked():
