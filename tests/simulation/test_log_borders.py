@@ -7,7 +7,18 @@ import json
 import numpy as np
 import pytest
 
-from phcontrol import DataFileError, InvalidArgumentError, Log, MechanicalSystem, load_robot, make_controller, simulate
+from phcontrol import (
+    DataFileError,
+    EnergyShaping,
+    ExternalAction,
+    InvalidArgumentError,
+    Log,
+    MechanicalSystem,
+    load_robot,
+    make_controller,
+    simulate,
+    with_tank,
+)
 from phcontrol.simulation.power_balance import PowerBalance
 from tests.conftest import make_system
 from tests.log_files import contents, sealed
@@ -98,6 +109,25 @@ def test_a_log_of_which_nothing_is_written_yet_holds_no_sample(short, tmp_path):
     np.testing.assert_array_equal(log.velocity[0], y[2:4])
     np.testing.assert_array_equal(log.controller_state[0], y[4:])
     assert log.truncated().time.tolist() == [0.5]
+
+
+def test_states_of_bodies_come_after_those_of_the_law(short):
+    log = Log.empty(short._loop, 2, 2, 3, [], {})
+    y = np.arange(9.0)
+    log.record(0, 0.0, y, short._loop.evaluate(0.0, short_state(short)))
+    np.testing.assert_array_equal(log.controller_state[0], y[4:6])
+    np.testing.assert_array_equal(log.body_state[0], y[6:])
+    assert log.body_state.shape == (2, 3)
+
+
+def test_a_law_without_a_tank_has_no_level_and_one_with_a_tank_has_its(short):
+    assert short.tank_level is None
+    system = make_system("pera_shoulder")
+    stir = ExternalAction(lambda t, x: 0.3 * np.cos(x.position))
+    law = with_tank(EnergyShaping).tuned(system, actions=[stir])
+    log = simulate(system, law, duration=0.01, dt=1e-3, q0=[0.1, 0.2])
+    charge = log.controller_state[:, -1] + np.sqrt(2.0 * law.tank.initial)
+    np.testing.assert_allclose(log.tank_level, 0.5 * charge**2, rtol=1e-14)
 
 
 def short_state(log):
