@@ -30,7 +30,7 @@ class QuadraticCost:
     Example:
         >>> from phcontrol import MechanicalSystem, QuadraticCost, load_robot, make_controller, simulate
         >>> system = MechanicalSystem(load_robot("pera_shoulder"))
-        >>> cost = QuadraticCost(system.robot.home, velocity=0.1)
+        >>> cost = QuadraticCost(system.robot.near_home(), velocity=0.1)
         >>> log = simulate(system, make_controller("energy_shaping", system), duration=0.1, dt=1e-2)
         >>> cost(log) > 0.0, cost.slopes(log).velocity.shape
         (True, (11, 2))
