@@ -989,5 +989,5 @@ def test_a_warning_is_one_line_without_our_code(monkeypatch, capsys):
     monkeypatch.setattr(application, "app", lambda: warnings.warn("an arm\nwith a \x1b[1m mesh", UserWarning, 1))
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        application.main()
+        application.run()
     assert capsys.readouterr().err == "warning: an arm with a ?[1m mesh\n"

@@ -152,6 +152,8 @@ def robot_shapes(robot: Robot, *, confined: bool = False) -> tuple[dict[str, lis
         advice = (
             ". Meshes are sought from the folder of the description on; other folders are named by "
             "load_robot(..., package_directories=...)"
+            if not confined
+            else ""
         )
         warnings.warn(f"{robot.name}: {said}{advice}", RobotDescriptionWarning, stacklevel=2)
     if not any(shapes.values()):
@@ -207,7 +209,7 @@ def find_mesh(name: str, robot: Robot, *, confined: bool = False) -> Path:
         elif place.is_file():
             return place
     if outside or (confined and not robot.package_directories):
-        raise FileNotFoundError(f"mesh {name} is not opened because a log's file names it: give the robot")
+        raise FileNotFoundError(f"mesh {name} is not opened because a log's file names it: give the robot (--robot)")
     raise FileNotFoundError(f"mesh {name} is missing")
 
 
