@@ -80,10 +80,11 @@ def test_the_tank_pays_for_what_clipping_does(law, integrator, control, shoulder
     clipped(shoulder, LAWS[law](shoulder), integrator=integrator, **CONTROL[control])
 
 
-def test_the_tank_counts_with_what_the_law_is_shown(shoulder):
+@pytest.mark.parametrize("law", list(LAWS))
+def test_the_tank_counts_with_what_the_law_is_shown(law, shoulder):
     clipped(
-        shoulder, LAWS["an action"](shoulder), **CONTROL["slowly sampled"], torque_delay=3e-3,
-        joint_sensor=JointSensor(position_noise=1e-2, velocity_bias=0.2, velocity_noise=0.1, delay=2e-3),
+        shoulder, LAWS[law](shoulder), **CONTROL["slowly sampled"], torque_delay=3e-3,
+        joint_sensor=JointSensor(position_noise=1e-2, velocity_bias=[0.5, -0.5], velocity_noise=0.1, delay=2e-3),
     )  # fmt: skip
 
 
