@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from phcontrol._validation import Array
 from phcontrol.controllers.parameters import Flag
 from phcontrol.controllers.passive_port import PassivePort
@@ -58,6 +60,14 @@ class ClassicalImpedance(RegulatedLaw):
     def joint_damping(self, t: float, x: MechanicalState) -> Array:
         """Return K_d, which acts on the joints themselves."""
         return self.damping
+
+    @property
+    def injected_damping(self) -> Array | None:
+        """C with G C Gᵀ = K_d, shape (n, n) [N·m·s/rad]; None where G depends on q, and C would."""
+        if self.system.varying_input is not None:
+            return None
+        G = self.system.constant_input
+        return self.damping if G is None else np.linalg.solve(G, np.linalg.solve(G, self.damping).T)
 
     def shape(self, t: float, x: MechanicalState, state: Array, measured: Measured) -> Shaping:
         """State s = −q̇_ref, the effort D v_e − ∂Ψ/∂q − K_d v_e, and what is cancelled."""
