@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -86,10 +86,11 @@ def spin(path, t, step=1e-3):
 
 @pytest.mark.parametrize("name", list(PATHS))
 @given(t=st.floats(-2.0, 8.0))
+@example(t=4.494140625)  # away from one break it is at another
 def test_twist_and_acceleration_are_the_derivatives(name, t):
     path, step = PATHS[name], 1e-3
     own = [*BREAKS, *PATHS["spline_by_length"].motion._breaks, 0.5 * path.duration]
-    if min(abs(t - b) for b in own) < 2.5 * step:  # the third derivative may jump there
+    while min(abs(t - b) for b in own) < 2.5 * step:  # the third derivative may jump there
         t += 6.0 * step
     actual = path.at(t)
     rate = derivative(lambda h: path.at(t + h).position, step)
