@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phcontrol._differences import jacobian
+from phcontrol._differences import BEND, TINY, jacobian, slope_change
 from phcontrol._validation import Array
 from phcontrol.analysis.natural_units import NaturalUnits
 from phcontrol.compilation.loop_jacobian import LoopJacobian
@@ -17,7 +17,6 @@ from phcontrol.vision.scene import Scene
 
 STEPS = (1e-4, 1e-5, 1e-6)
 """Of the differences, in natural units; for each column the best is taken."""
-_TINY, _BEND = 1e-7, 1e-3  # a step, and by how much slopes ahead and behind may differ over it: more in a kink
 _ROUNDING = 1e-12  # of what is differentiated
 _ACCURATE = 1e-8  # of the largest entry: an error below which no other step is tried
 
@@ -36,11 +35,16 @@ def best_jacobian(function: Callable[[Array], Array], point: Array, units: Array
 
 def _bend(function: Callable[[Array], Array], point: Array, units: Array) -> float:
     """Return by how much slopes ahead and behind differ at most, beyond rounding."""
-    at, worst = function(point), 0.0
-    natural = max(float(np.abs(one).max(initial=0.0)) for one in (at, function(point + units)))
-    for step in np.diag(_TINY * units):
-        apart = float(np.abs(function(point + step) + function(point - step) - 2.0 * at).max(initial=0.0))
-        worst = max(worst, (apart - _ROUNDING * natural) / float(step.max()))
+    natural = max(float(np.abs(function(there)).max(initial=0.0)) for there in (point, point + units))
+    worst = 0.0
+    for axis in np.diag(units):
+
+        def along(h: float, axis: Array = axis) -> Array:
+            return function(point + h * axis)
+
+        change = slope_change(along, TINY)
+        apart = float(np.abs(change).max(initial=0.0)) - _ROUNDING * natural / TINY
+        worst = max(worst, apart / float(axis.max()))
     return worst
 
 
@@ -66,7 +70,7 @@ def differenced_loop(
         largest = max(float(np.abs(found).max(initial=0.0)), 1e-12)
         errors.append(float(error.max(initial=0.0)) / largest)
         bend = _bend(function, point, scale)
-        if bend > _BEND * largest:  # a kink, of which central differences see nothing where it is even
+        if bend > BEND * largest:  # a kink, of which central differences see nothing where it is even
             errors.append(bend / largest)
         return found
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from phcontrol._differences import central_difference
+from phcontrol._differences import BEND, TINY, central_difference, slope_change
 from phcontrol._validation import Array, choice, vector
 from phcontrol.compilation.compiled_law import CompiledLaw, need_casadi
 from phcontrol.compilation.errors import CompilationError
@@ -25,7 +25,6 @@ TOLERANCE = 1e-6
 """By how much, relatively, exact derivatives may differ from differences of the interpreted loop along a direction."""
 _DIRECTIONS = 3  # of that check
 _STEPS = (1e-4, 1e-6, 1e-7)  # of its differences: the small ones where a second derivative jumps, as of |v|v at 0
-_TINY, _BEND = 1e-7, 1e-3  # a step, and by how much slopes ahead and behind may differ over it: more in a kink
 _GAIN_STEP = 1e-3  # of a gain, over which the law's numbers are differentiated
 _KEPT = 12  # branches that are kept
 
@@ -184,8 +183,8 @@ class LoopDerivatives:
             slope, size = A @ dy + B @ df, np.abs(A) @ np.abs(dy) + np.abs(B) @ np.abs(df)
             unit = np.maximum(size, 1e-3 * max(float(size.max()), 1e-300))
             off = min(float((np.abs(central_difference(along, h) - slope) / unit).max()) for h in _STEPS)
-            bend = float((np.abs(along(_TINY) + along(-_TINY) - 2.0 * along(0.0)) / (_TINY * unit)).max())
-            if not (off <= TOLERANCE and bend <= _BEND):
+            bend = float((np.abs(slope_change(along, TINY)) / unit).max())
+            if not (off <= TOLERANCE and bend <= BEND):
                 raise CompilationError(
                     f"{self._law.name} has no derivative there, or not the one that was found: along a direction it "
                     f"differs from differences of the interpreted loop by {off:.1e}, relatively, ahead from behind by "

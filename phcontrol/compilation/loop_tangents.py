@@ -95,10 +95,15 @@ class LoopTangents:
         """
         if plan.method not in EXPLICIT:
             raise CompilationError(f"steps of {plan.method} are not differentiated")
+        held = [room(self._loop.n, lanes=LANES) for _ in range(2)]
+        for array, values in zip(held, (limit, steady), strict=True):
+            array[:] = values[:, None]
+        rows = [np.ascontiguousarray(array, dtype=np.float64) for array in (states, weights)]
+        forces = np.ascontiguousarray(table)
         found: list[float] = []
         for first in range(0, len(slopes), LANES):
             part = slice(first, first + LANES)
-            some = self._block(plan, numbers, slopes[part], starts[part], states, weights, limit, steady, table)
+            some = self._block(plan, numbers, slopes[part], starts[part], held, forces, rows)
             found += list(some[: len(slopes[part])])
         return np.array(found)
 
@@ -108,24 +113,18 @@ class LoopTangents:
         numbers: Array,
         slopes: Sequence[Array],
         starts: Sequence[Array],
-        states: Array,
-        weights: Array,
-        limit: Array,
-        steady: Array,
-        table: Array,
+        held: Sequence[Array],
+        forces: Array,
+        rows: Sequence[Array],
     ) -> Array:
+        """Return the sums of as many directions as there are lanes at most."""
         loop = self._loop
         both, start = room(2 * loop.size, lanes=LANES), room(loop.rows, lanes=LANES)
         both[: loop.size] = numbers[:, None]
         for lane, (slope, begun) in enumerate(zip(slopes, starts, strict=True)):
             both[loop.size :, lane], start[:, lane] = slope, begun
-        held = [room(loop.n, lanes=LANES) for _ in range(2)]
-        for array, values in zip(held, (limit, steady), strict=True):
-            array[:] = values[:, None]
-        along, total = room(1, lanes=LANES), np.ascontiguousarray(table)
-        own = total.ctypes.data_as(_VECTOR)
-        signals = (_VECTOR * LANES)(*[own] * LANES) if total.size else None
-        rows = [np.ascontiguousarray(array, dtype=np.float64) for array in (states, weights)]
+        along = room(1, lanes=LANES)
+        signals = (_VECTOR * LANES)(*[forces.ctypes.data_as(_VECTOR)] * LANES) if forces.size else None
         status, reached = ctypes.c_longlong(), ctypes.c_longlong()
         self._function(
             plan.steps, plan.dt, plan.stride, plan.period, EXPLICIT.index(plan.method),

@@ -268,7 +268,7 @@ class Nominal:
                 "sensor", f"{self.law.name} is shown no force, so that its noise, bias and delay change nothing: "
                 "take a law that needs external_force ('phcontrol controllers')"
             )  # fmt: skip
-        of_sampled = [f"run.{name}" for name in ("torque_delay",) if self.run[name]]
+        of_sampled = ["run.torque_delay"] if self.run["torque_delay"] else []
         of_sampled += ["joint_sensor"] if self._joint_sensor else []
         of_sampled += sorted(heads & {*OF_JOINTS, *OF_EACH_JOINT, "torque_delay"})
         if of_sampled and self.run["control_period"] is None and "control_period" not in heads:
