@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from timing import on_cores
 
 from phcontrol import (
     CompilationWarning,
@@ -66,8 +67,8 @@ def main() -> None:
             for name, measure in {"final states": "final_state", "peak torques": peak}.items():
                 rows[f"{control}: {name}, {workers} core{'s' if workers > 1 else ''}"] = (
                     total,
-                    lambda w=workers, m=measure, c=common: on_cores(
-                        w, lambda: simulate_many(**sweep, **c, workers=w, measure=m)
+                    lambda w=workers, m=measure, c=common: on_cores(w)(simulate_many)(
+                        **sweep, **c, workers=w, measure=m
                     ),
                 )
     figures = {name: [] for name in rows}
@@ -93,19 +94,6 @@ def main() -> None:
         print(f"{name:<44}{rates['per core']:>10.0f}{rates['in all']:>10.0f}{verdict}")
     if options.json:
         Path(options.json).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-
-
-def on_cores(count: int, run: Callable[[], object]) -> None:
-    """Run on so many of the cores, where the system lets a process choose."""
-    if not hasattr(os, "sched_setaffinity"):
-        run()
-        return
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(allowed)[:count])
-    try:
-        run()
-    finally:
-        os.sched_setaffinity(0, allowed)
 
 
 def peak(log) -> float:

@@ -1,11 +1,12 @@
 """What a sweep costs: per run, per task, per gigabyte, and how it scales; carried to 10⁹ runs on paper.
 
-    python benchmarks/sweeps.py [--spec FILE] [--runs N] [--repeats N] [--json FILE]
+    python benchmarks/sweeps.py [--spec FILE] [--runs N] [--chunk N] [--repeats N] [--json FILE]
 
 All on this machine, rows interleaved, medians. Rates are those of the steady state: from the first part of each worker
-to the last but those, without what starting, tracing and compiling take, which is a row of its own. Processor time is
-that of all processes together (of Dask: client, scheduler and workers): it says what an engine adds also on a machine
-that has other things to do, where times that passed say little.
+to the last but those, without what starting, tracing and compiling take, which is a row of its own. A row of one worker
+is held to one core with all that belongs to it: client and scheduler would have a core of their own otherwise.
+Processor time is that of all processes together (of Dask: client, scheduler and workers): it says what an engine adds
+also on a machine that has other things to do, where times that passed say little.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 from distributed import LocalCluster
+from timing import on_cores
 
 from phcontrol import DaskScheduler, LocalProcesses, Sweep
 from phcontrol._version import __version__
@@ -32,8 +34,6 @@ from phcontrol.sweeps.sweep_folder import SweepFolder
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "sweep.toml"
 TASKS = 500  # that do nothing
-CHUNK = 64  # runs of a task
-PART = 256  # those of a task of a large sweep
 MANY = 10**9
 
 
@@ -41,27 +41,29 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spec", type=Path, default=EXAMPLE)
-    parser.add_argument("--runs", type=int, default=1024, help="of each row and repeat")
+    parser.add_argument("--runs", type=int, default=4096, help="of each row and repeat")
+    parser.add_argument("--chunk", type=int, default=256, help="runs of a task")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--json", metavar="FILE", help="write the figures there too")
     options = parser.parse_args()
     read = Sweep.read(options.spec)
-    given = read.given | {"sampling": read.given["sampling"] | {"runs": options.runs, "chunk": CHUNK}}
+    given = read.given | {"sampling": read.given["sampling"] | {"runs": options.runs, "chunk": options.chunk}}
     sweep = Sweep(**given)
     chunks = [
-        Chunk(sweep.given, sweep.hash, first, min(first + CHUNK, sweep.runs), True, __version__)
-        for first in range(0, sweep.runs, CHUNK)
+        Chunk(sweep.given, sweep.hash, first, min(first + options.chunk, sweep.runs), True, __version__)
+        for first in range(0, sweep.runs, options.chunk)
     ]
     began = time.perf_counter()
     columns = run_chunk(chunks[0])
     figures: dict[str, list[float]] = {"start, trace and compile [s]": [time.perf_counter() - began]}
     for _ in range(options.repeats):
         for count, name in ((1, "1 process"), (2, "2 processes")):
-            _note(figures, name, _steady(LocalProcesses(count), run_chunk, chunks, CHUNK))
+            with on_cores(count):
+                _note(figures, name, _steady(LocalProcesses(count), run_chunk, chunks, options.chunk))
         for count, name in ((1, "1 Dask worker"), (2, "2 Dask workers")):
-            with _dask(count) as engine:
+            with on_cores(count), _dask(count) as engine:
                 list(engine.run(run_chunk, chunks[:count]))  # compiles
-                _note(figures, name, _steady(engine, run_chunk, chunks, CHUNK))
+                _note(figures, name, _steady(engine, run_chunk, chunks, options.chunk))
                 if count == 1:
                     rate, used = _steady(engine, abs, list(range(TASKS)), 1)
                     figures.setdefault("task, Dask [s]", []).append(1.0 / rate)
@@ -83,15 +85,15 @@ def main() -> None:
          "1 process, processor time [s/run]", 1.0),
     ):  # fmt: skip
         found[name] = statistics.median(factor * a / b for a, b in zip(figures[over], figures[under], strict=True))
-    print(f"{sweep!r}, {read.nominal.run['duration']:g} s each, parts of {CHUNK}; {os.cpu_count()} processors")
+    print(f"{sweep!r}, {read.nominal.run['duration']:g} s each, parts of {options.chunk}; {os.cpu_count()} processors")
     for name, value in found.items():
         print(f"{name:<44}{value:>12.4g}")
     spent, size = found["1 process, processor time [s/run]"], found["bytes per run"]
     given_out = found["task, Dask [s]"]
     print(
-        f"10⁹ runs: {MANY * spent / 3600.0:.3g} core hours, {MANY * size / 1e9:.3g} GB, {MANY / PART:.2g} tasks of "
-        f"{PART} runs; a task takes Dask {1e3 * given_out:.2g} ms, so that one scheduler keeps at most "
-        f"{PART * spent / given_out:.0f} cores busy"
+        f"10⁹ runs: {MANY * spent / 3600.0:.3g} core hours, {MANY * size / 1e9:.3g} GB, {MANY / options.chunk:.2g} "
+        f"tasks of {options.chunk} runs; a task takes Dask {1e3 * given_out:.2g} ms, so that one scheduler keeps at "
+        f"most {options.chunk * spent / given_out:.0f} cores busy"
     )
     if options.json:
         Path(options.json).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,3 +57,17 @@ def interleaved(candidates: dict[str, Callable[[], object]], rounds: int = 200, 
         gc.enable()
     overhead = float(np.median([-(clock() - clock()) for _ in range(1000)]))
     return {name: Timing(name, (cells.ravel() - overhead) / 1e3) for name, cells in times.items()}
+
+
+@contextlib.contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Hold what runs inside, and processes that it starts, to so many cores, where the system lets a process choose."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(allowed)[:count])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
