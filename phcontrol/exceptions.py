@@ -70,6 +70,16 @@ class AnswerError(InvalidArgumentError):
         self.name = method
 
 
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the name that somebody may have meant, one written alike or one that holds this one; None for none."""
+    by_lower = {each.lower(): each for each in sorted(known, reverse=True)}
+    wanted = name.lower()
+    close = difflib.get_close_matches(wanted, by_lower, n=1)
+    holding = sorted((each for each in by_lower if wanted and wanted in each), key=lambda each: (len(each), each))
+    found = [*close, *holding]
+    return by_lower[found[0]] if found else None
+
+
 class UnknownNameError(PHControlError, LookupError):
     """A robot, joint, frame, controller or option of that name does not exist. Lists those that do.
 
@@ -84,8 +94,8 @@ class UnknownNameError(PHControlError, LookupError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
         self.kind, self.name, self.known = kind, str(name), sorted(known)
-        close = difflib.get_close_matches(self.name, self.known, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else ""
+        close = nearest(self.name, self.known)
+        hint = f" Did you mean '{close}'?" if close else ""
         listing = ", ".join(self.known) or "none"
         super().__init__(f"unknown {kind} '{name}'{where}.{hint} Known: {listing}.")
 

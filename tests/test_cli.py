@@ -991,3 +991,25 @@ def test_a_warning_is_one_line_without_our_code(monkeypatch, capsys):
         warnings.simplefilter("always")
         application.run()
     assert capsys.readouterr().err == "warning: an arm with a ?[1m mesh\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("certify --robot u", {"ur5", "ur10e", "urdf/"}),  # of example-robot-data, of other packages, folders
+        ("certify --robot urdf/pera_s", {"urdf/pera_shoulder.urdf", "urdf/pera_shoulder_elbow.urdf"}),
+        ("certify --robot al", {"all", "allegro_left_hand"}),
+        ("analyze --controller cartesian_t", {"cartesian_tracking"}),
+        ("run servo --controller h", {"hamiltonian_servo"}),  # no hand that is held
+        ("run position --controller h", set()),
+        ("run tracking --interconnection ca", {"canonical"}),
+        ("run position --integrator r", {"rk4"}),
+    ],
+)
+def test_a_shell_is_offered_what_an_option_takes(words, offered, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[1])
+    line = {"COMP_WORDS": f"phcontrol {words}", "COMP_CWORD": str(len(words.split()))}
+    result = CliRunner().invoke(app, env={**line, "_PHCONTROL_COMPLETE": "complete_bash"}, prog_name="phcontrol")
+    found = set(result.output.split())
+    assert offered <= found if offered else not found
+    assert all(name.startswith(words.split()[-1]) for name in found)

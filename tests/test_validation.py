@@ -204,6 +204,8 @@ def test_errors_say_what_would_be_right():
     error = UnknownNameError("joint", "elbw", ["wrist", "elbow"], " of arm")
     assert str(error) == "unknown joint 'elbw' of arm. Did you mean 'elbow'? Known: elbow, wrist."
     assert error.known == ["elbow", "wrist"]
+    hand = UnknownNameError("frame", "Hand", ["panda_link8", "panda_hand_tcp", "panda_hand"])
+    assert "Did you mean 'panda_hand'?" in str(hand)
     assert str(UnknownNameError("joint", "q", [])) == "unknown joint 'q'. Known: none."
     error = MissingMeasurementError("law", "features")
     assert "law needs the measurement 'features': pass it as Measured(features=...)" in str(error)

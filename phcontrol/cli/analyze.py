@@ -13,9 +13,10 @@ from phcontrol.analysis.l2_gain import l2_gain
 from phcontrol.analysis.linearization import Linearization, linearize
 from phcontrol.cli.arm import goal_of, system_of
 from phcontrol.cli.errors import say_aside
-from phcontrol.cli.laws import CONTROLLER_HELP, law_of
+from phcontrol.cli.laws import law_of
 from phcontrol.cli.options import (
     ArmatureOption,
+    ControllerOption,
     FormOption,
     GoalOption,
     JsonOption,
@@ -37,7 +38,7 @@ _SETTLED = 0.05  # of the final value
 
 
 def analyze(
-    controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.")],
+    controller: ControllerOption,
     robot: RobotOption = "pera",
     goal: GoalOption = None,
     interconnection: FormOption = "coriolis",

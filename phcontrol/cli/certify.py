@@ -11,6 +11,7 @@ import typer
 from phcontrol._validation import choice
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.analysis.certify import certify as make_certificate
+from phcontrol.cli import completion
 from phcontrol.cli.arm import system_of
 from phcontrol.cli.errors import say_error
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
@@ -33,11 +34,23 @@ ALL_FORMS = tuple(dict.fromkeys(form for entry in CONTROLLERS.values() for form 
 
 
 def certify(
-    controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}; or 'all'.")] = "all",
+    controller: Annotated[
+        str,
+        typer.Option(help=f"A law: {CONTROLLER_HELP}; or 'all'.", autocompletion=completion.with_all(completion.laws)),
+    ] = "all",
     robot: Annotated[
-        str, typer.Option(help="As in 'run', or 'all': every arm that can be named, a table of matching residuals.")
+        str,
+        typer.Option(
+            help="As in 'run', or 'all': every arm that can be named, a table of matching residuals.",
+            autocompletion=completion.with_all(completion.robots),
+        ),
     ] = "pera",
-    interconnection: Annotated[str, typer.Option(help=f"{', '.join(ALL_FORMS)} or all.")] = "all",
+    interconnection: Annotated[
+        str,
+        typer.Option(
+            help=f"{', '.join(ALL_FORMS)} or all.", autocompletion=completion.with_all(completion.one_of(ALL_FORMS))
+        ),
+    ] = "all",
     samples: Annotated[int, typer.Option(help="Number of states that are looked at.")] = SAMPLES,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sequence that the states are drawn from.")] = 0,
     lock: LockOption = None,

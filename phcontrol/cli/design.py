@@ -8,8 +8,17 @@ from typing import Annotated
 import typer
 
 from phcontrol.cli.arm import goal_of, system_of
-from phcontrol.cli.laws import CONTROLLER_HELP, law_of
-from phcontrol.cli.options import ArmatureOption, FormOption, GoalOption, JsonOption, LockOption, RobotOption, SetOption
+from phcontrol.cli.laws import law_of
+from phcontrol.cli.options import (
+    ArmatureOption,
+    ControllerOption,
+    FormOption,
+    GoalOption,
+    JsonOption,
+    LockOption,
+    RobotOption,
+    SetOption,
+)
 from phcontrol.cli.texts import numbers_of, settings_of
 from phcontrol.controllers.law_error import errors_of
 from phcontrol.design.design_gains import design_gains
@@ -26,7 +35,7 @@ _RATIO = 0.7  # ζ where none is given
 
 
 def design(
-    controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.")],
+    controller: ControllerOption,
     robot: RobotOption = "pera",
     bandwidth: Annotated[float | None, typer.Option(help="ω [rad/s], of every mode.")] = None,
     damping_ratio: Annotated[float | None, typer.Option(help=f"ζ of every mode. Default: {_RATIO}.")] = None,

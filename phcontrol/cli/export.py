@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from phcontrol.cli.arm import goal_of, system_of
-from phcontrol.cli.laws import CONTROLLER_HELP, law_of
+from phcontrol.cli.laws import law_of
 from phcontrol.cli.options import (
     ArmatureOption,
+    ControllerOption,
     FormOption,
     GoalOption,
     LockOption,
@@ -26,7 +27,7 @@ from phcontrol.controllers.registry import make_controller
 
 
 def export(
-    controller: Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.")],
+    controller: ControllerOption,
     out: Annotated[Path, typer.Option(help="Folder that the files are written to.", metavar="DIR")],
     robot: RobotOption = "pera",
     goal: GoalOption = None,

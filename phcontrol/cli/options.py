@@ -7,16 +7,29 @@ from typing import Annotated
 
 import typer
 
+from phcontrol.cli import completion
+from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.mechanics.state import INTERCONNECTIONS
 from phcontrol.simulation.integrators import INTEGRATORS
 
 OUT_HELP = "Folder for log, picture and certificate."
 RobotOption = Annotated[
-    str, typer.Option(help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.")
+    str,
+    typer.Option(
+        help="A shipped robot, a URDF, MJCF or xacro file, or a name of example-robot-data.",
+        autocompletion=completion.robots,
+    ),
 ]
+ControllerOption = Annotated[str, typer.Option(help=f"A law: {CONTROLLER_HELP}.", autocompletion=completion.laws)]
 LockOption = Annotated[list[str] | None, typer.Option(help="Joint to lock at home; may be repeated.", metavar="JOINT")]
 GoalOption = Annotated[str | None, typer.Option(help="Joint positions: numbers, or joint=value pairs. Default: home.")]
-FormOption = Annotated[str, typer.Option(help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.")]
+FormOption = Annotated[
+    str,
+    typer.Option(
+        help=f"Which J2 the law uses: {' or '.join(INTERCONNECTIONS)}.",
+        autocompletion=completion.one_of(INTERCONNECTIONS),
+    ),
+]
 ArmatureOption = Annotated[
     str | None,
     typer.Option(help="Reflected rotor inertia [kg m²]: one number, one each joint, or joint=value pairs."),
@@ -49,7 +62,9 @@ SetOption = Annotated[
         metavar="NAME=VALUE",
     ),
 ]
-IntegratorOption = Annotated[str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.")]
+IntegratorOption = Annotated[
+    str, typer.Option(help=f"One of {', '.join(INTEGRATORS)}.", autocompletion=completion.one_of(INTEGRATORS))
+]
 PeriodOption = Annotated[
     float | None, typer.Option(help="Hold the torque for this long [s]. Default: continuous control.")
 ]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli import completion
 from phcontrol.cli.arm import goal_of, system_of
 from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
@@ -39,7 +40,10 @@ from phcontrol.cli.texts import settings_of
 
 def position(
     controller: Annotated[
-        str, typer.Option(help=f"A law that holds a position: {CONTROLLER_HELP}.")
+        str,
+        typer.Option(
+            help=f"A law that holds a position: {CONTROLLER_HELP}.", autocompletion=completion.laws_of("position")
+        ),
     ] = "force_feedback",
     robot: RobotOption = "pera",
     interconnection: FormOption = "coriolis",

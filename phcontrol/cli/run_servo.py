@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from phcontrol.analysis.certify import SAMPLES
+from phcontrol.cli import completion
 from phcontrol.cli.arm import system_of
 from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
@@ -36,7 +37,10 @@ from phcontrol.runs.servo import run_servo
 def servo(
     robot: RobotOption = "pera",
     controller: Annotated[
-        str, typer.Option(help=f"A law that steers by an image: {CONTROLLER_HELP}.")
+        str,
+        typer.Option(
+            help=f"A law that steers by an image: {CONTROLLER_HELP}.", autocompletion=completion.laws_of("servo")
+        ),
     ] = "hamiltonian_servo",
     interconnection: FormOption = "coriolis",
     start: Annotated[

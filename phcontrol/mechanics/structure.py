@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 
+from phcontrol.exceptions import nearest
 from phcontrol.mechanics.urdf import Findings, Joint, Urdf
 
 MOST_JOINTS = 128
@@ -56,8 +56,8 @@ def _check_names(urdf: Urdf, findings: Findings) -> None:
 
 
 def _near(name: str, known: set[str]) -> str:
-    close = difflib.get_close_matches(name, sorted(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    close = nearest(name, known)
+    return f"; did you mean '{close}'?" if close else ""
 
 
 def _check_parents(urdf: Urdf, findings: Findings) -> None:
