@@ -291,11 +291,15 @@ class Record(NamedTuple):
     @classmethod
     def empty(cls, loop: CompiledLoop, rows: int, lanes: int, observed: bool, joints: bool = False) -> Record:
         """Return room for some samples."""
-        sizes = (
+        return cls(*(room(*size, lanes=lanes) for size in cls.sizes(loop, rows, observed, joints)))
+
+    @staticmethod
+    def sizes(loop: CompiledLoop, rows: int, observed: bool, joints: bool) -> tuple[tuple[int, int], ...]:
+        """Return the shapes for some samples, without lanes."""
+        return (
             (rows + 1, loop.rows), (rows, loop.n), (rows, loop.n),
             (rows if observed else 0, loop.n), (rows if joints else 0, 2 * loop.n),
         )  # fmt: skip
-        return cls(*(room(*size, lanes=lanes) for size in sizes))
 
 
 def room(*shape: int, lanes: int) -> Array:

@@ -33,6 +33,7 @@ from phcontrol.simulation.compiled_run import (
 )
 from phcontrol.simulation.log import Log
 from phcontrol.simulation.outcome import Outcome
+from phcontrol.simulation.recordings import Recording, Recordings
 from phcontrol.simulation.run import Run
 from phcontrol.simulation.simulation_error import SimulationError, SimulationInterrupted
 
@@ -64,7 +65,7 @@ class _Waiting(NamedTuple):
     """Runs that go on, and what they will give."""
 
     numbered: list[_Numbered]
-    result: Future[tuple[Block, list[Array]]]
+    result: Future[tuple[Block, Recording]]
 
 
 class _Group:
@@ -95,6 +96,7 @@ class ManyRuns:
         self._found: dict[int, Outcome] = {}
         self._reasons: dict[str, int] = {}
         self._verified: set[Any] = set()
+        self._recordings = Recordings()
 
     def outcomes(self, in_c: bool, progress: bool | None) -> list[Outcome]:
         """Simulate all and return what became of them, in their order."""
@@ -284,21 +286,22 @@ class ManyRuns:
 
     def _simulated(
         self, made: CompiledLoop, numbered: list[_Numbered], block: Block, start: Array
-    ) -> tuple[Block, list[Array]]:
-        """Simulate a block, on a thread of the pool; return it, and its record with lanes first.
+    ) -> tuple[Block, Recording]:
+        """Simulate a block, on a thread of the pool; return it, and what it recorded.
 
-        Nothing of the record where the last states alone are asked for. All of it goes on in C, without the lock of the
-        interpreter: a thread that asks for it has to wait for the one that prepares.
+        With lanes first too, unless the last states alone are asked for. All of it goes on in C, without the lock of
+        the interpreter: a thread that asks for it has to wait for the one that prepares.
         """
-        from phcontrol.compilation.compiled_loop import Record
-
         run, plan = numbered[0].run, plan_of(numbered[0].run)
         ends_alone = self._measure == "final_state"
         rows = min(_ROWS, plan.steps + 1) if ends_alone else plan.steps + 1
-        record = Record.empty(made, rows, block.lanes, bool(run.sensors), run.joint_sensor is not None)
-        record.states[0] = start
-        block.advance(plan, 0, plan.steps, record)
-        return block, [] if ends_alone else [np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in record]
+        observed, joints = bool(run.sensors), run.joint_sensor is not None
+        recording = self._recordings.take(made, rows, block.lanes, observed, joints, not ends_alone)
+        recording.record.states[0] = start
+        block.advance(plan, 0, plan.steps, recording.record)
+        if not ends_alone:
+            recording.sort()
+        return block, recording
 
     def _take(self, waiting: _Waiting, bar: Any) -> list[int]:
         """Look at a block that has come to its end; return those that must be simulated interpreted after all."""
@@ -306,7 +309,7 @@ class ManyRuns:
 
         numbered, left = waiting.numbered, list[int]()
         try:
-            block, record = waiting.result.result()
+            block, recording = waiting.result.result()
         except SimulationInterrupted:
             raise
         except Exception as problem:
@@ -330,9 +333,10 @@ class ManyRuns:
             elif error and self._measure != "log":
                 self._found[index] = Outcome(index, None, error, True)
             else:
-                log = self._log(run, [part[lane] for part in record], reached + 1)
+                log = self._log(run, [part[lane] for part in recording.by_lane], reached + 1)
                 self._found[index] = Outcome(index, log, error, True) if error else self._measured(index, log, True)
             bar.update()
+        self._recordings.give_back(recording)
         return left
 
     @staticmethod
