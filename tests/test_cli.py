@@ -875,6 +875,16 @@ def test_designed_gains_are_printed_with_a_command_that_uses_them():
     assert as_json["modes"][0]["frequency"] == pytest.approx(6.0, rel=1e-3)
 
 
+def test_gains_are_used_on_the_arm_that_they_were_designed_for():
+    """The printed command names rotors, payloads and locked joints as they were given: 5 rad/s on that arm."""
+    arm = "--lock wrist_3_joint --armature 0.1 --payload 'mass=2,com=0 0 0.1,frame=tool0'"
+    shown = run(*shlex.split(f"design --controller energy_shaping --robot ur5 --bandwidth 5 {arm}"))
+    command = shown.output.splitlines()[-1]
+    assert f" --robot ur5 {arm} --goal=" in command
+    facts = json.loads(run(*shlex.split(command.replace("run position", "analyze"))[1:], "--json").output)
+    np.testing.assert_allclose([mode["frequency"] for mode in facts["modes"]], 5.0, rtol=1e-4)
+
+
 def test_other_specifications_on_the_command_line():
     hand = "design --controller cartesian_impedance --robot ur5 --stiffness 900,900,600,50,50,50 --settling-time 1"
     arm = "design --controller energy_shaping --robot pera_shoulder"

@@ -11,19 +11,16 @@ import typer
 
 from phcontrol.analysis.l2_gain import l2_gain
 from phcontrol.analysis.linearization import Linearization, linearize
-from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.arm import goal_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.errors import say_aside
 from phcontrol.cli.laws import law_of
 from phcontrol.cli.options import (
-    ArmatureOption,
     ControllerOption,
     FormOption,
     GoalOption,
     JsonOption,
-    LockOption,
-    PayloadOption,
     RobotOption,
-    RotorOption,
     SetOption,
 )
 from phcontrol.cli.texts import settings_of
@@ -42,10 +39,7 @@ def analyze(
     robot: RobotOption = "pera",
     goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     differences: Annotated[
         bool, typer.Option("--differences", help="Finite differences, also where exact derivatives are to be had.")
@@ -60,7 +54,7 @@ def analyze(
 
     Exit code 1 if a mode grows.
     """
-    system, entry = system_of(robot, lock, armature, payload, rotor_inertia), law_of(controller)
+    system, entry = arm.system(robot), law_of(controller)
     options = settings_of(settings, "interconnection", "goal")
     with errors_of(controller, entry.law):
         law = make_controller(

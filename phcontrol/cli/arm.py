@@ -1,61 +1,15 @@
-"""The arm that options name, and goals for it."""
+"""Goals and joint values that options name."""
 
 from __future__ import annotations
 
-import numpy as np
 import typer
 
-from phcontrol._validation import Array, decimal
+from phcontrol._validation import Array
 from phcontrol.cli.texts import by_joint
 from phcontrol.exceptions import InvalidArgumentError
-from phcontrol.mechanics.loading import load_robot
-from phcontrol.mechanics.payload import Payload
 from phcontrol.mechanics.robot import check_joint_names
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.trajectories import inverse_kinematics
-
-
-def system_of(
-    robot: str,
-    lock: list[str] | None,
-    armature: str | None,
-    payload: list[str] | None = None,
-    rotor_inertia: bool = False,
-) -> MechanicalSystem:
-    """Return the arm that --robot, --lock, --armature, --payload and --rotor-inertia name; say what rotors add."""
-    rotors = None if armature is None else by_joint("--armature", armature)
-    loaded = load_robot(
-        robot,
-        locked_joints=lock or [],
-        armature=rotors[0] if isinstance(rotors, list) and len(rotors) == 1 else rotors,
-        rotor_inertia=rotor_inertia,
-        payload=[payload_of(text) for text in payload or []],
-    )
-    if loaded.rotors:
-        added = ", ".join(f"{joint} {rotor.armature:.3g}" for joint, rotor in loaded.rotors.items())
-        typer.echo(f"rotors add to the diagonal of M [kg m²]: {added}", err=True)
-    return MechanicalSystem(loaded)
-
-
-def payload_of(text: str) -> Payload:
-    """Return what a --payload means: "1.5", or "mass=1.5,com=0 0 0.05,inertia=0.01 0.01 0.01,frame=hand"."""
-    wrong = InvalidArgumentError(
-        "--payload",
-        f"must be a mass [kg], or pairs like mass=1,com=0 0 0.05,inertia=0.01 0.01 0.01,frame=hand, but is '{text}'",
-    )
-    pairs = [pair.partition("=") for pair in (text if "=" in text else f"mass={text}").split(",")]
-    given = {name.strip(): value.strip() for name, _, value in pairs}
-    if len(given) < len(pairs) or "mass" not in given or not given.keys() <= {"mass", "com", "inertia", "frame"}:
-        raise wrong
-    frame = given.pop("frame", None)
-    numbers = {name: [decimal(part) for part in value.split()] for name, value in given.items()}
-    lengths = {"mass": (1,), "com": (3,), "inertia": (3, 9)}
-    if any(len(values) not in lengths[name] or None in values for name, values in numbers.items()):
-        raise wrong
-    mass, inertia = numbers["mass"][0], np.array(numbers.get("inertia", [0.0, 0.0, 0.0]), dtype=float)
-    assert mass is not None
-    com = np.array(numbers.get("com", [0.0, 0.0, 0.0]), dtype=float)
-    return Payload(mass, com, inertia if inertia.size == 3 else inertia.reshape(3, 3), frame)
 
 
 def goal_of(system: MechanicalSystem, goal: str | None, target: str | None, frame: str | None) -> Array | None:

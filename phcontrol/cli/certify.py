@@ -12,15 +12,11 @@ from phcontrol._validation import choice
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.analysis.certify import certify as make_certificate
 from phcontrol.cli import completion
-from phcontrol.cli.arm import system_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.errors import say_error
 from phcontrol.cli.laws import CONTROLLER_HELP, law_of
 from phcontrol.cli.options import (
-    ArmatureOption,
     JsonOption,
-    LockOption,
-    PayloadOption,
-    RotorOption,
     SetOption,
 )
 from phcontrol.cli.texts import settings_of
@@ -53,10 +49,7 @@ def certify(
     ] = "all",
     samples: Annotated[int, typer.Option(help="Number of states that are looked at.")] = SAMPLES,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sequence that the states are drawn from.")] = 0,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     composed: Annotated[
         bool, typer.Option("--compositions", help="About every potential and along every reference: a table.")
@@ -73,7 +66,7 @@ def certify(
         choice("interconnection", interconnection, known)
         laws = {name: entry for name, entry in laws.items() if len(laws) == 1 or interconnection in entry.law.forms}
     if robot == "all":
-        if lock or armature is not None or settings or payload or rotor_inertia:
+        if arm.given or settings:
             raise InvalidArgumentError(
                 "--robot", "all takes neither --lock, --armature, --payload, --rotor-inertia nor --set"
             )
@@ -81,7 +74,7 @@ def certify(
             raise InvalidArgumentError("--compositions", "takes one robot")
         _certify_every_arm(laws, interconnection, samples, seed, as_json)
         return
-    system, options = system_of(robot, lock, armature, payload, rotor_inertia), settings_of(settings, "interconnection")
+    system, options = arm.system(robot), settings_of(settings, "interconnection")
     if composed:
         if settings or as_json:
             raise InvalidArgumentError("--compositions", "takes neither --set nor --json")

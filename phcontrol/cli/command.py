@@ -13,6 +13,7 @@ import typer
 
 from phcontrol.cli.errors import QUIET, reports_errors
 from phcontrol.cli.once_command import OnceCommand
+from phcontrol.cli.option_group import OptionGroup
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 """Of every command: -h is --help, and texts are as wide as the window, up to a line that is read well."""
@@ -49,11 +50,13 @@ def command_of(name: str, function: Callable[..., None] | typer.Typer) -> Any:
 
 
 def _quiet(function: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the option -q."""
+    """Return a command with the option -q, and an option for each field of its groups."""
     signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+    groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and issubclass(hint, OptionGroup)}
 
     @functools.wraps(function)
     def command(*, quiet: bool = False, **arguments: Any) -> None:
+        arguments |= {name: group.taken_from(arguments) for name, group in groups.items()}
         QUIET[:] = ["--quiet"] if quiet else []
         with contextlib.ExitStack() as stack:
             stack.callback(QUIET.clear)
@@ -63,10 +66,11 @@ def _quiet(function: Callable[..., None]) -> Callable[..., None]:
             function(**arguments)
 
     option = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_QUIET)
-    parameters = [
-        parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
-        for name, parameter in signature.parameters.items()
-    ]
-    command.__signature__ = signature.replace(parameters=[*parameters, option])  # type: ignore[attr-defined]
-    command.__annotations__ = {**{name: hints[name] for name in signature.parameters}, "quiet": _QUIET}
+    parameters = []
+    for name, parameter in signature.parameters.items():
+        alone = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name])
+        parameters += groups[name].parameters() if name in groups else [alone]
+    parameters.append(option)
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return command

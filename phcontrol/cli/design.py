@@ -7,15 +7,14 @@ from typing import Annotated
 
 import typer
 
-from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.arm import goal_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.laws import law_of
 from phcontrol.cli.options import (
-    ArmatureOption,
     ControllerOption,
     FormOption,
     GoalOption,
     JsonOption,
-    LockOption,
     RobotOption,
     SetOption,
 )
@@ -61,8 +60,7 @@ def design(
     ] = None,
     goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -71,7 +69,7 @@ def design(
     Says what the loop then does, and prints the command that uses them. Exit code 1 if the arm's friction keeps them
     from it, or a mode grows.
     """
-    system, entry = system_of(robot, lock, armature), law_of(controller)
+    system, entry = arm.system(robot), law_of(controller)
     specification = _specification(
         system.robot, bandwidth, damping_ratio, diagonal, settling_time, stiffness, l2_gain, period, delay, torque_share
     )
@@ -85,7 +83,7 @@ def design(
             interconnection=interconnection,
             **options,
         )
-    command = found.command(robot)
+    command = found.command(" ".join([robot, *arm.given]))
     if as_json:
         typer.echo(json.dumps(found.record() | {"command": command}, indent=2))
     else:

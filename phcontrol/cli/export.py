@@ -7,17 +7,14 @@ from typing import Annotated
 
 import typer
 
-from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.arm import goal_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.laws import law_of
 from phcontrol.cli.options import (
-    ArmatureOption,
     ControllerOption,
     FormOption,
     GoalOption,
-    LockOption,
-    PayloadOption,
     RobotOption,
-    RotorOption,
     SetOption,
 )
 from phcontrol.cli.texts import settings_of
@@ -32,10 +29,7 @@ def export(
     robot: RobotOption = "pera",
     goal: GoalOption = None,
     interconnection: FormOption = "coriolis",
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     single: Annotated[bool, typer.Option("--float", help="Write floats in place of doubles.")] = False,
 ) -> None:
@@ -43,7 +37,7 @@ def export(
     need_casadi()
     from phcontrol.compilation.export import export_law
 
-    system, entry = system_of(robot, lock, armature, payload, rotor_inertia), law_of(controller)
+    system, entry = arm.system(robot), law_of(controller)
     options = settings_of(settings, "interconnection", "goal")
     with errors_of(controller, entry.law):
         law = make_controller(

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from phcontrol._files import write_json
-from phcontrol.cli.arm import system_of
-from phcontrol.cli.options import ArmatureOption, LockOption, PayloadOption, RotorOption
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.showing import check_writable
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.identification.identify import UNTOLD
@@ -36,10 +35,7 @@ def identify(
     untold: Annotated[
         str, typer.Option(help=f"Parameters that the logs do not tell: {' or '.join(UNTOLD)} the model's.")
     ] = "refuse",
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     out: Annotated[Path, typer.Option(help="Folder for the result and the picture.")] = Path("results/identify"),
 ) -> None:
     """Identify payload, friction and rotors of an arm from logs.
@@ -48,11 +44,9 @@ def identify(
     """
     check_writable(out)
     read = [Log.load(path) for path in logs]
-    given = {"--lock": lock, "--armature": armature, "--payload": payload, "--rotor-inertia": rotor_inertia or None}
-    for option, value in given.items():
-        if robot is None and value is not None:
-            raise InvalidArgumentError(option, "is of the model that --robot names, which is not given")
-    model = None if robot is None else system_of(robot, lock, armature, payload, rotor_inertia)
+    if robot is None and arm.given:
+        raise InvalidArgumentError(arm.given[0].split()[0], "is of the model that --robot names, which is not given")
+    model = None if robot is None else arm.system(robot)
     found = identify_parameters(
         read,
         [name.strip() for name in what.split(",")],

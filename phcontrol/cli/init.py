@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from phcontrol._files import check_folder, write_text
-from phcontrol.cli.arm import system_of
+from phcontrol.cli.arm_options import ArmOptions
 from phcontrol.cli.options import ArmatureOption, LockOption, RobotOption
 from phcontrol.cli.project_files import files_of
 from phcontrol.controllers.registry import make_controller
@@ -29,7 +29,7 @@ def init(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidArgumentError("FOLDER", f"must be a new or an empty folder, but {folder} is there already")
     locked = list(lock or [])
-    system = system_of(robot, locked, armature)
+    system = ArmOptions(locked, armature).system(robot)
     found = system.robot
     _check_that_it_can_be_simulated(system)
     try:

@@ -8,30 +8,22 @@ from typing import Annotated
 import typer
 
 from phcontrol.analysis.certify import SAMPLES
-from phcontrol.cli.arm import system_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.errors import say_aside
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
-    ArmatureOption,
     DurationOption,
     FormOption,
     IntegratorOption,
-    JsonOption,
-    LockOption,
     OutOption,
-    PayloadOption,
     PeriodOption,
-    PortOption,
-    RecordOption,
     RobotOption,
-    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
     StepOption,
-    ViewOption,
 )
-from phcontrol.cli.showing import Showing
+from phcontrol.cli.showing import UNWATCHED, Showing
 from phcontrol.cli.texts import numbers_of, settings_of
 from phcontrol.mechanics.system import MechanicalSystem
 from phcontrol.runs.cartesian import run_cartesian
@@ -89,24 +81,18 @@ def impedance(
     dt: StepOption = None,
     integrator: IntegratorOption = "rk4",
     control_period: PeriodOption = None,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/cartesian_impedance"),
-    view: ViewOption = False,
-    record: RecordOption = None,
-    port: PortOption = None,
+    showing: Showing = UNWATCHED,
     seed: SeedOption = 0,
-    as_json: JsonOption = False,
 ) -> None:
     """Hold the hand of an arm at a pose by a spring and a damper, push at it, and certify the law."""
     run_and_write(
-        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia), frame),
+        _with_hand(arm.system(robot), frame),
         out,
-        Showing(view, record, port, as_json),
+        showing,
         controller=controller,
         study=run_cartesian,
         stiffness=None if stiffness is None else numbers_of("--stiffness", stiffness),
@@ -140,24 +126,18 @@ def tracking(
     duration: DurationOption = 5.0,
     dt: StepOption = None,
     control_period: PeriodOption = None,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/cartesian_tracking"),
-    view: ViewOption = False,
-    record: RecordOption = None,
-    port: PortOption = None,
+    showing: Showing = UNWATCHED,
     seed: SeedOption = 0,
-    as_json: JsonOption = False,
 ) -> None:
     """Lead the hand of an arm along a path by a spring and a damper, and certify the law."""
     run_and_write(
-        _with_hand(system_of(robot, lock, armature, payload, rotor_inertia), frame),
+        _with_hand(arm.system(robot), frame),
         out,
-        Showing(view, record, port, as_json),
+        showing,
         controller=controller,
         study=run_cartesian,
         path=path,

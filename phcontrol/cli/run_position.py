@@ -9,32 +9,25 @@ import typer
 
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli import completion
-from phcontrol.cli.arm import goal_of, system_of
+from phcontrol.cli.arm import goal_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
-    ArmatureOption,
     DurationOption,
     FormOption,
     FrameOption,
     IntegratorOption,
-    JsonOption,
-    LockOption,
     OutOption,
-    PayloadOption,
     PeriodOption,
-    PortOption,
     ReachOption,
-    RecordOption,
     RobotOption,
-    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
     StepOption,
-    ViewOption,
 )
-from phcontrol.cli.showing import Showing
+from phcontrol.cli.showing import UNWATCHED, Showing
 from phcontrol.cli.texts import settings_of
 
 
@@ -60,27 +53,21 @@ def position(
     step: Annotated[
         bool, typer.Option("--step", help="Give the goal as a jump, in place of a smooth reference. Laws overshoot it.")
     ] = False,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/position"),
-    view: ViewOption = False,
-    record: RecordOption = None,
-    port: PortOption = None,
+    showing: Showing = UNWATCHED,
     seed: SeedOption = 0,
-    as_json: JsonOption = False,
 ) -> None:
     """Lead an arm from its home to a posture within its velocity limits, and certify the law that does it."""
-    system = system_of(robot, lock, armature, payload, rotor_inertia)
+    system = arm.system(robot)
     if step:
         typer.echo("warning: --step: the goal jumps; laws that feed forces back must overshoot it", err=True)
     run_and_write(
         system,
         out,
-        Showing(view, record, port, as_json),
+        showing,
         controller=controller,
         goal=goal_of(system, goal, reach, frame),
         duration=duration,

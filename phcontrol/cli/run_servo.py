@@ -9,27 +9,19 @@ import typer
 
 from phcontrol.analysis.certify import SAMPLES
 from phcontrol.cli import completion
-from phcontrol.cli.arm import system_of
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.laws import CONTROLLER_HELP
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
-    ArmatureOption,
     DurationOption,
     FormOption,
-    JsonOption,
-    LockOption,
     OutOption,
-    PayloadOption,
-    PortOption,
-    RecordOption,
     RobotOption,
-    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
-    ViewOption,
 )
-from phcontrol.cli.showing import Showing
+from phcontrol.cli.showing import UNWATCHED, Showing
 from phcontrol.cli.texts import numbers_of, settings_of
 from phcontrol.runs.servo import run_servo
 
@@ -52,24 +44,18 @@ def servo(
     camera_rate: Annotated[
         float | None, typer.Option(help="Frames in a second [Hz], one late. Default: features at every instant.")
     ] = None,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/servo"),
-    view: ViewOption = False,
-    record: RecordOption = None,
-    port: PortOption = None,
+    showing: Showing = UNWATCHED,
     seed: SeedOption = 0,
-    as_json: JsonOption = False,
 ) -> None:
     """Bring an object to where it should be in the image of a camera in the hand, and certify the law that does it."""
     run_and_write(
-        system_of(robot, lock, armature, payload, rotor_inertia),
+        arm.system(robot),
         out,
-        Showing(view, record, port, as_json),
+        showing,
         study=run_servo,
         controller=controller,
         start=numbers_of("--start", start),

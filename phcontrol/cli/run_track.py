@@ -9,28 +9,21 @@ import typer
 
 from phcontrol._validation import Array, choice
 from phcontrol.analysis.certify import SAMPLES
-from phcontrol.cli.arm import goal_of, joint_values, system_of
+from phcontrol.cli.arm import goal_of, joint_values
+from phcontrol.cli.arm_options import AS_DESCRIBED, ArmOptions
 from phcontrol.cli.one_run import run_and_write
 from phcontrol.cli.options import (
-    ArmatureOption,
     DurationOption,
     FrameOption,
-    JsonOption,
-    LockOption,
     OutOption,
-    PayloadOption,
-    PortOption,
     ReachOption,
-    RecordOption,
     RobotOption,
-    RotorOption,
     SamplesOption,
     SeedOption,
     SetOption,
     StepOption,
-    ViewOption,
 )
-from phcontrol.cli.showing import Showing
+from phcontrol.cli.showing import UNWATCHED, Showing
 from phcontrol.cli.texts import settings_of
 from phcontrol.controllers.trajectory_tracking import TrajectoryTracking, swing
 from phcontrol.mechanics.system import MechanicalSystem
@@ -68,28 +61,22 @@ def track(
         float | None,
         typer.Option(help="Hold the torque for this long [s]; it is computed for the middle of that time."),
     ] = None,
-    lock: LockOption = None,
-    armature: ArmatureOption = None,
-    payload: PayloadOption = None,
-    rotor_inertia: RotorOption = False,
+    arm: ArmOptions = AS_DESCRIBED,
     settings: SetOption = None,
     samples: SamplesOption = SAMPLES,
     out: OutOption = Path("results/track"),
-    view: ViewOption = False,
-    record: RecordOption = None,
-    port: PortOption = None,
+    showing: Showing = UNWATCHED,
     seed: SeedOption = 0,
-    as_json: JsonOption = False,
 ) -> None:
     """Follow a trajectory with any arm; say what it asks of the joints, and certify the law."""
-    system = system_of(robot, lock, armature, payload, rotor_inertia)
+    system = arm.system(robot)
     desired = goal_of(system, goal, reach, frame)
     posture = system.robot.near_home() if desired is None else desired
     knowledge = choice("external force", external_force, ("none", "measured", "observed"))
     run_and_write(
         system,
         out,
-        Showing(view, record, port, as_json),
+        showing,
         controller="tracking" if knowledge == "none" else "tracking_measured",
         goal=posture,
         duration=duration,

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import typer
 
 from phcontrol._files import check_file_place, check_folder
 from phcontrol.cli.errors import say_aside
+from phcontrol.cli.option_group import OptionGroup
+from phcontrol.cli.options import JsonOption, PortOption, RecordOption, ViewOption
 from phcontrol.exceptions import DataFileError, InvalidArgumentError
 from phcontrol.mechanics.robot import Robot
 from phcontrol.simulation.log import Log
@@ -20,13 +23,18 @@ if TYPE_CHECKING:
     from phcontrol.visualization.live import LiveView
 
 
-class Showing(NamedTuple):
+@dataclass(frozen=True)
+class Showing(OptionGroup):
     """How a run is to be shown."""
 
-    view: bool = False
-    record: Path | None = None
-    port: int | None = None
-    as_json: bool = False
+    view: ViewOption = False
+    record: RecordOption = None
+    port: PortOption = None
+    as_json: JsonOption = False
+
+
+UNWATCHED = Showing()
+"""A run that nobody watches."""
 
 
 @contextmanager

@@ -77,11 +77,14 @@ class DesignedGains:
         return self.exact and self.stable and not self.deviation > MET
 
     def command(self, robot: str | None = None) -> str:
-        """Return the command that uses the gains, for an arm as it is named on the command line."""
+        """Return the command that uses the gains, for an arm as it is given on the command line, with all its options.
+
+        By default its name and what is locked of it.
+        """
         arm = self.law.system.robot
         kind = "run position" if self.law.run == "position" and not self.law.time_span else "analyze"
-        parts = [f"phcontrol {kind} --controller {self.controller} --robot {robot or arm.name}"]
-        parts += [f"--lock {joint}" for joint in arm.locked_joints]
+        parts = [f"phcontrol {kind} --controller {self.controller} --robot"]
+        parts.append(robot or " ".join([arm.name, *(f"--lock {joint}" for joint in arm.locked_joints)]))
         if self.law.interconnection != "coriolis":
             parts.append(f"--interconnection {self.law.interconnection}")
         goal = self.law.target_posture(0.0)

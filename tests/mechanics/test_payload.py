@@ -20,7 +20,7 @@ from phcontrol import (
     simulate,
 )
 from phcontrol.cli import application
-from phcontrol.cli.arm import payload_of
+from phcontrol.cli.arm_options import payload_of
 from phcontrol.mechanics.catalogue import find
 from phcontrol.mechanics.loading import robot_from_record
 
