@@ -129,8 +129,9 @@ class TorqueFilter:
     How far the true velocity can be beyond bounds and reported excess all the same: by what inertia, load and unknown
     forces do within a period, seen up to 4.1 % of the fastest joint's change of velocity in it (``python -m
     tests.safety.true_motion --cases 1000000 --seed 24``). In closed loops of arms with dry friction speeds kept within
-    1.001 of their limits without a torque rate. With one, another joint's friction that turns brought them to 1.007, and on a Panda with 2 to
-    3 N·m of it to 1.04, which was reported (``python -m tests.safety.friction_loops --seeds 3``).
+    1.001 of their limits without a torque rate. With one, another joint's friction that turns brought them to 1.007,
+    and on a Panda with 2 to 3 N·m of it to 1.04, which was reported (``python -m tests.safety.friction_loops
+    --seeds 3``).
 
     That is for a friction that is not less than the model's. **Friction that the arm lacks accelerates it**: with 30 %
     less, speeds came to 1.13 of their limits, and with a torque rate to several times those, since the motors cannot
