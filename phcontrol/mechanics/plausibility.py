@@ -61,7 +61,7 @@ def _doubts(urdf: Urdf) -> Iterator[tuple[str, str, int]]:
                 where,
                 line,
             )
-        if inertial.mass > 0.0 and large > inertial.mass * LARGE**2:
+        if large > inertial.mass * LARGE**2:
             yield f"the radius of gyration is more than {LARGE:g} m: are the moments in kg mm²?", where, line
         if max(map(abs, inertial.xyz)) > LARGE:
             yield f"the centre of mass is more than {LARGE:g} m away: is it in mm?", where, line

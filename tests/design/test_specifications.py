@@ -60,6 +60,9 @@ def test_a_stiffness_that_is_too_soft_for_the_time_says_which_would_do(ur5):
     goal = ur5.robot.near_home()
     with pytest.raises(PHControlError, match="make the stiffness") as raised:
         design_gains("cartesian_impedance", ur5, DesiredSettling(200.0, 0.3, rotational_stiffness=20.0), goal)
+    said = str(raised.value)
+    slowest, soonest = (float(said.split(word)[1].split()[0]) for word in ("mode is at ", "settles in "))
+    assert slowest * soonest == pytest.approx(2.87, rel=0.02)  # ω t of ζ = 0.69
     factor = 1.001 * float(str(raised.value).split("make the stiffness ")[1].split()[0])
     enough = DesiredSettling(200.0 * factor * 1.01, 0.3, rotational_stiffness=20.0 * factor * 1.01)
     assert design_gains("cartesian_impedance", ur5, enough, goal).gains["damping_ratio"] < 0.8
@@ -131,6 +134,10 @@ def test_an_arm_that_its_motors_cannot_carry_has_no_bandwidth(ur5):
         design_gains("energy_shaping", ur5, TorqueBudget([ur5.robot.home], share=0.05, duration=0.05))
     with pytest.raises(InvalidArgumentError, match="motions: must be a list"):
         TorqueBudget([])
+    assert TorqueBudget([ur5.robot.home]).duration == 1.0
+    assert TorqueBudget([ur5.robot.home], fastest=1.0).fastest == 1.0  # twice what is looked at last
+    with pytest.raises(InvalidArgumentError, match="fastest: must be"):
+        TorqueBudget([ur5.robot.home], fastest=0.99)
     with pytest.raises(InvalidArgumentError, match="must be trajectories"):
         design_gains("tracking", ur5, TorqueBudget([ur5.robot.home]))
 

@@ -164,3 +164,44 @@ def test_a_sweep_of_gains_or_of_another_law_is_refused(shoulder):
         tune(gains.nominal.law, float, gains)
     with pytest.raises(InvalidArgumentError, match="is of energy_shaping on pera_shoulder, and what is tuned is force"):
         tune("force_feedback", float, Sweep(**SWEEP), system=shoulder)
+
+
+def test_a_sweep_of_one_run_is_tuned_over_too():
+    sweep = Sweep(**(SWEEP | {"sampling": {"method": "random", "runs": 1, "seed": 3}}))
+    law, asked = sweep.nominal.law, []
+
+    def run(law, scenario):
+        asked.append(scenario)
+        return 1.0
+
+    tune(law, float, sweep, run=run, evaluations=2)
+    assert len(asked) == 2
+    np.testing.assert_array_equal(asked[0]["q0"], sweep.loop(0)["q0"])
+
+
+def test_every_evaluation_that_is_allowed_is_used(shoulder):
+    for evaluations in (2, 3, 5):
+        found = tune("energy_shaping", float, [0], system=shoulder, run=lambda law, _: float(law.stiffness[0, 0]),
+                     evaluations=evaluations)  # fmt: skip
+        assert len(found.history) == evaluations
+        assert not found.converged
+
+
+def test_a_steep_objective_is_followed_to_its_end(shoulder):
+    """|log(k/2k₀)| times a thousand: the factors' tolerance alone would leave off at a thousandth."""
+    begun = make_controller("energy_shaping", shoulder).stiffness[0, 0]
+
+    def run(law, scenario):
+        return 1e3 * abs(math.log(law.stiffness[0, 0] / begun / 2.0))
+
+    found = tune("energy_shaping", float, [0], system=shoulder, run=run, gains=["stiffness"], evaluations=100)
+    assert found.converged
+    assert found.value < 1e-4 * found.start_value
+
+
+def test_gains_of_the_hand_have_one_factor_and_none_a_joint():
+    law = make_controller("cartesian_impedance", MechanicalSystem(load_robot("ur5")))
+    found = tune(law, float, [0], run=lambda law, _: float(law.translational_stiffness[0, 0]), evaluations=2)
+    assert len(found.factors["translational_stiffness"]) == 1
+    with pytest.raises(UnknownNameError, match="unknown gain 'translational_stiffness'"):
+        tune(law, float, [0], run=lambda law, _: 1.0, gains=["translational_stiffness"], per_joint=True)

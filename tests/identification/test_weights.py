@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import quad
 
-from phcontrol import InvalidArgumentError, Motion, load_robot
+from phcontrol import InvalidArgumentError, MechanicalSystem, Motion, identify, load_robot
 from phcontrol.identification.consistency import body_of, consistent_values, inconsistent, pseudo_inertia
 from phcontrol.identification.parameters import parameters_of
-from phcontrol.identification.weak_form import _Window
+from phcontrol.identification.weak_form import _Window, equations_of
 from tests.finite_differences import derivative
 
 
@@ -114,3 +116,32 @@ def test_samples_may_be_off_by_a_thousandth_of_a_period(off, even):
     else:
         with pytest.raises(InvalidArgumentError, match="must grow in equal steps"):
             Motion.of(time, still, still, still)
+
+
+def rubbing(period=1e-2, duration=6.0):
+    """Two joints that swing: their torques by inverse dynamics, and viscous friction beside."""
+    system = MechanicalSystem(replace(load_robot("pera_shoulder"), friction=None))
+    time, rate = np.arange(0.0, duration, period), np.array([1.3, 2.1])
+    turn = np.outer(time, rate)
+    q, v, a = 0.4 * np.sin(turn), 0.4 * rate * np.cos(turn), -0.4 * rate**2 * np.sin(turn)
+    torque = np.array([system.at(x, y).feedforward(y, z) for x, y, z in zip(q, v, a, strict=True)])
+    return system, Motion.of(time, q, v, torque + v * [0.5, 0.3], held=False)
+
+
+def test_equations_are_of_the_middles_of_their_windows():
+    """Every second half overlaps: of windows of 0.2 s a middle each 0.1 s, and the torque there is their mean."""
+    system, motion = rubbing()
+    found = equations_of(system, parameters_of(system.robot, ("viscous",), None), motion, 0.2, 1e-6)
+    np.testing.assert_allclose(found.time, motion.time[0] + 0.1 * np.arange(1, len(found.time) + 1), atol=1e-12)
+    there = np.array([np.interp(found.time, motion.time, column) for column in motion.torque.T]).T
+    np.testing.assert_allclose(found.torque, there, atol=0.02 * np.abs(there).max())
+
+
+def test_what_was_found_is_recorded_with_the_payload_or_without():
+    system, motion = rubbing()
+    plain = identify(motion, ("viscous",), model=system)
+    np.testing.assert_allclose(plain.values, [0.5, 0.3], atol=2e-3)
+    assert plain.to_dict()["payload"] is None
+    loaded = identify(motion, ("payload", "viscous"), model=system, untold="keep")
+    assert loaded.to_dict()["payload"] == loaded.payload.record()
+    assert loaded.to_dict()["payload"] is not None

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import importlib.metadata
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from phcontrol import MechanicalSystem, RobotDescriptionWarning, certify, load_robot, make_controller, simulate
+from phcontrol import (
+    MechanicalSystem,
+    RobotDescriptionError,
+    RobotDescriptionWarning,
+    certify,
+    load_robot,
+    make_controller,
+    simulate,
+)
+from phcontrol.mechanics import catalogue
 from phcontrol.mechanics.catalogue import installed
 
 HEAVIEST = {"fr3": 19.0, "iiwa14": 33.0, "gen3": 10.5, "ur3e": 12.0, "ur5e": 22.0, "ur10e": 36.0}
@@ -19,6 +29,27 @@ def test_every_entry_says_whose_it_is():
     for name, entry in installed().items():
         assert {"title", "package", "file", "licence", "tool_frame", "home"} <= set(entry), name
     assert set(installed()) == set(HEAVIEST)
+
+
+@pytest.mark.parametrize(
+    ("package", "file", "complaint"),
+    [
+        ("numpy", "numpy/version.py", None),
+        ("numpy", "numpy/arm.urdf", "own: numpy has no file numpy/arm.urdf any more"),
+        ("no-package-of-arms", "arm.urdf", "own: comes with no-package-of-arms: pip install no-package-of-arms"),
+    ],
+)
+def test_a_description_is_found_in_the_package_that_ships_it(monkeypatch, package, file, complaint):
+    """In a package that is always there, whose place Python itself says."""
+    entry = {"package": package, "file": file, "title": "own", "home": [0.5]}
+    monkeypatch.setattr(catalogue, "installed", lambda: {"own": entry})
+    if complaint:
+        with pytest.raises(RobotDescriptionError, match=f"^{complaint}$"):
+            catalogue.find("own")
+        return
+    found = catalogue.find("own")
+    assert found.path.samefile(Path(np.__file__).parent / "version.py")
+    assert (found.name, found.extras, found.is_file) == ("own", {"home": [0.5]}, False)
 
 
 @pytest.fixture(params=sorted(installed()))

@@ -154,6 +154,19 @@ def test_the_environment_chooses_the_kernels(choice):
         assert "PHCONTROL_KERNELS" in result.stderr
 
 
+@pytest.mark.parametrize("choice", ["", "compiled"])
+def test_kernels_that_were_not_built_are_done_without_unless_they_are_asked_for(choice):
+    program = "import sys; sys.modules['phcontrol.mechanics._compiled'] = None\n"
+    program += "from phcontrol.mechanics.kernels import KERNELS; print(KERNELS)"
+    command = [sys.executable, "-c", program]
+    result = subprocess.run(command, env=os.environ | {"PHCONTROL_KERNELS": choice}, capture_output=True, text=True)
+    if choice:
+        assert result.returncode != 0
+        assert "PHCONTROL_KERNELS is 'compiled', but the kernels were not built" in result.stderr
+    else:
+        assert (result.returncode, result.stdout.strip()) == (0, "lapack"), result.stderr
+
+
 @every_implementation
 @pytest.mark.parametrize("make", LAYOUTS.values(), ids=LAYOUTS)
 def test_a_plain_finite_vector_is_copied(kernels, make):

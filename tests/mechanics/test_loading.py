@@ -101,8 +101,8 @@ def test_mimic_joints_follow_exactly(rng):
         ("", "not well-formed XML"),
         ("<model/>", "the root element is <model>, not <robot>"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="x"/>', "document type declaration"),
-        ('<robot name="x"/>', "has no link"),
-        ('<robot name="x"><link name="a"/></robot>', "has no moving joint"),
+        ('<robot name="x"/>', r"broken\.urdf, has no link$"),
+        ('<robot name="x"><link name="a"/></robot>', r"broken\.urdf, has no moving joint$"),
         (b"\xff\xfe\x00", "cannot be read"),
     ],
 )

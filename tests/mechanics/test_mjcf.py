@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,9 @@ from phcontrol import (
 )
 from phcontrol.mechanics import catalogue, mjcf
 from phcontrol.mechanics.loading import robot_from_record
+from phcontrol.mechanics.markup import read_markup
+from phcontrol.mechanics.mjcf_comparison import check_against_mujoco
+from phcontrol.mechanics.mujoco_file import compiled, load_mujoco
 from tests.mechanics import mjcf_reference as reference
 
 pytestmark = pytest.mark.filterwarnings("ignore::phcontrol.RobotDescriptionWarning")
@@ -276,6 +280,37 @@ def test_what_is_overlooked_is_found_by_what_it_does(tmp_path, monkeypatch):
         path.write_text(reference.ARM.replace(old, new, 1))
         with pytest.raises(RobotDescriptionError, match="the passive force is another than MuJoCo's"):
             load_robot(path)
+
+
+def changed(urdf, joint, **more):
+    """A description with one joint changed."""
+    assert joint in {each.name for each in urdf.joints}
+    return replace(urdf, joints=tuple(replace(each, **more) if each.name == joint else each for each in urdf.joints))
+
+
+def test_what_was_read_wrongly_is_found(tmp_path):
+    """Ranges, their absence, and bodies elsewhere, each wrong in what was read alone; rounding is let pass."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(reference.ARM)
+    found = mjcf.read_mjcf(path, read_markup(path, "arm"), "arm", frozenset())
+    model, mujoco = compiled(path, "arm"), load_mujoco()
+
+    def check_it(urdf):
+        check_against_mujoco(mujoco, model, urdf, found.armature, "arm", frozenset())
+
+    check_it(found.urdf)
+    joints = {joint.name: joint for joint in found.urdf.joints}
+    lift, shoulder = joints["lift"].limit, joints["shoulder"].limit
+    check_it(changed(found.urdf, "lift", limit=replace(lift, upper=lift.upper + 1e-11)))
+    with pytest.raises(RobotDescriptionError, match="joint 'lift' has the range .*, in MuJoCo"):
+        check_it(changed(found.urdf, "lift", limit=replace(lift, upper=lift.upper + 1e-7)))
+    with pytest.raises(RobotDescriptionError, match="^arm, joint 'shoulder' has a range, in MuJoCo none$"):
+        check_it(changed(found.urdf, "shoulder", limit=replace(shoulder, lower=-1.0, upper=1.0)))
+    plate = next(joint for joint in found.urdf.joints if joint.child == "plate")
+    x, y, z = plate.xyz
+    with pytest.raises(RobotDescriptionError, match="'plate' is elsewhere than in MuJoCo, by 0"):
+        check_it(changed(found.urdf, plate.name, xyz=(x + 0.01, y, z)))
 
 
 def test_constraints_of_locked_joints_do_nothing(tmp_path):

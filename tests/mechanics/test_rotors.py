@@ -62,6 +62,13 @@ def test_the_elements_of_drake_are_read(tmp_path):
             ),
             "must name one moving joint, but names 'wrist'",
         ),
+        (  # one motor for two joints
+            ARM.replace(
+                "</robot>",
+                TRANSMISSION.format("<motorInertia>1</motorInertia>").replace("/>", '/><joint name="shoulder"/>', 1),
+            ),
+            "must name one moving joint, but names 'elbow', 'shoulder'",
+        ),
     ],
 )
 def test_what_is_half_given_is_refused(tmp_path, text, said):
