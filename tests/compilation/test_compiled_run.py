@@ -275,6 +275,16 @@ def test_a_plant_that_is_wrong_by_one_part_in_a_million_is_refused(monkeypatch):
     np.testing.assert_array_equal(found.position, simulate(shoulder, law, duration=0.02).position)
 
 
+def test_a_loop_that_was_never_compared_is_refused(monkeypatch):
+    """All instants at which it is looked at take branches that are not compiled: nothing says that it is right."""
+    shoulder = make_system("pera_shoulder").twin()  # for which no loop was made before
+    monkeypatch.setattr("phcontrol.simulation.compiled_run._instants", lambda arrangement: iter(()))
+    monkeypatch.setattr("phcontrol.simulation.compiled_run._LOOPS", [])
+    law = make_controller("energy_shaping", shoulder, goal=[0.4, 0.6])
+    with pytest.warns(CompilationWarning, match="the loop as compiled is refused: it differs from the interpreted"):
+        simulate(shoulder, law, duration=0.02, compiled=True)
+
+
 def test_a_step_that_iteration_does_not_find_is_left_to_the_interpreted_run(shoulder):
     wall = JointContact(shoulder.robot.joint_names[1], shoulder.robot.home[1] + 0.05, side="above")
     body = CompliantBody(wall, stiffness=100.0, damping=1.0, mass=0.05)

@@ -100,6 +100,28 @@ def test_runs_that_differ_in_all_that_is_a_number(options, shoulder, rng):
     assert np.ptp(ends, axis=0).min() > 0.05  # they are different runs
 
 
+def test_only_what_runs_together_takes_all_lanes(shoulder, monkeypatch):
+    """A run by itself is one lane, not as much work as a block; one that is left over goes in the block's code."""
+    law, asked = make_controller("energy_shaping", shoulder, goal=[0.4, 0.6]), []
+    make = compiled_loop.CompiledLoop.block
+
+    def block(self, numbers, lanes):
+        made = make(self, numbers, lanes)
+        asked.append((made.lanes, len(numbers)))
+        return made
+
+    monkeypatch.setattr(compiled_loop.CompiledLoop, "block", block)
+    for runs, expected in ((1, [(1, 1)]), (2, [(LANES, LANES)]), (LANES + 1, 2 * [(LANES, LANES)])):
+        simulate_many(shoulder, law, q0=np.zeros((runs, 2)), duration=0.01)  # so that it is compiled
+        asked.clear()
+        simulate_many(shoulder, law, q0=np.zeros((runs, 2)), duration=0.01)
+        assert asked[-len(expected) :] == expected  # before them where it starts is looked at
+    simulate(shoulder, law, duration=0.01, compiled=True)
+    asked.clear()
+    simulate(shoulder, law, duration=0.01, compiled=True)
+    assert asked[-1] == (1, 1)
+
+
 def test_one_compilation_serves_a_sweep(shoulder, rng, monkeypatch):
     arguments = sweep(shoulder, rng)
     simulate_many(**arguments, duration=0.02)

@@ -12,6 +12,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -24,6 +25,7 @@ from phcontrol import (
     InvalidArgumentError,
     MechanicalSystem,
     PacketFaults,
+    Reading,
     SimulatedArm,
     UdpArm,
     drive,
@@ -281,6 +283,22 @@ def test_missed_periods_are_not_made_up_for(shoulder, monkeypatch):
     assert (np.diff(periods) >= 1).all()
     assert loop.timing.steps + loop.timing.skipped == pytest.approx(100, abs=3)
     assert loop.timing.skipped > 20
+
+
+def test_an_arm_that_is_gone_leaves_the_last_reading_which_grows_older():
+    """What a socket says, on the next call, of packets that nobody took."""
+    arm = UdpArm(make_shoulder, duration=1.0)
+    assert arm.counts == {"readings": 0, "old": 0, "malformed": 0}
+
+    def gone(size):
+        raise ConnectionRefusedError(111, "Connection refused")
+
+    arm._socket = SimpleNamespace(recvfrom=gone)
+    assert arm.read() is None
+    arm._newest, arm._made = Reading(np.ones(2), np.zeros(2)), time.perf_counter() - 5.0
+    reading = arm.read()
+    np.testing.assert_array_equal(reading.position, np.ones(2))
+    assert reading.age >= 5.0
 
 
 def test_the_udp_arm_refuses_bad_arguments_before_it_starts():

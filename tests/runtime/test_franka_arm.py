@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import types
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -271,6 +272,21 @@ def test_a_hand_that_holds_what_the_model_does_not_know_is_said(franka):
         FrankaArm("robot", make_system("panda")).__enter__()
 
 
+def test_what_sensors_and_model_may_differ_by_is_5_newton_metres_and_at_the_wrist_1_5(franka):
+    at_most = np.array([5.0, 5.0, 5.0, 5.0, 1.5, 1.5, 1.5])
+    signs = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+    franka.load = 0.98 * signs * at_most
+    arm = FrankaArm("robot", make_system("panda"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        arm.__enter__()
+    np.testing.assert_allclose(arm.weight_error, franka.load, atol=1e-9)
+    franka.load = 1.02 * signs * at_most
+    names = ", ".join(f"'panda_joint{k}'" for k in range(1, 8))
+    with pytest.warns(UserWarning, match=rf"N·m at \[{names}\]"):
+        FrankaArm("robot", make_system("panda")).__enter__()
+
+
 def test_collision_thresholds_are_set_together(franka):
     system = make_system("panda")
     with FrankaArm("robot", system, collision_torque=20.0, collision_force=[10, 10, 10, 5, 5, 5]):
@@ -300,7 +316,12 @@ def test_another_arm_or_another_order_of_joints_is_refused(franka, tmp_path):
 
 @pytest.mark.parametrize(
     ("version", "message"),
-    [((3, 13, 0), r"wheels for Python 3.10 to 3.12 only, and this is Python 3.13"), ((3, 11, 0), "pip install")],
+    [
+        ((3, 13, 0), r"wheels for Python 3.10 to 3.12 only, and this is Python 3.13"),
+        ((3, 11, 0), "pip install"),
+        ((3, 12, 4), "pip install"),
+        ((3, 9, 7), "this is Python 3.9"),
+    ],
 )
 def test_without_its_client_it_is_said_what_is_missing(monkeypatch, version, message):
     monkeypatch.setitem(sys.modules, "pylibfranka", None)

@@ -109,6 +109,30 @@ def test_features_that_are_none_count_as_not_seen(features):
     assert np.isnan(camera.features(0.0, SYSTEM.robot.home)).all()
 
 
+@pytest.mark.parametrize("early", [0.0, 5e-10])
+def test_a_frame_of_this_very_instant_was_taken_where_the_camera_is_now(early):
+    """Rounding may put it behind the newest reading: it was taken at that one, not at the one before."""
+    source = Frames()
+    camera = LoopCamera(source, CAMERA, SYSTEM.robot, THING.length)
+    for t in (0.1, 0.2):
+        camera.features(t, moving(t))
+    source.waiting = [SeenFrame(0.3 + early, seen_at(0.3))]
+    np.testing.assert_allclose(camera.features(0.3, moving(0.3)), seen_at(0.3), atol=1e-12)
+    assert np.abs(seen_at(0.3) - seen_at(0.2)).max() > 1e-5
+    assert camera.counts == {"frames": 1, "seen": 1, "not used": 0}
+
+
+def test_frames_are_taken_at_their_times_from_the_first_on_and_come_late():
+    """At 100 frames a second and 15 ms late, in periods of 5 ms: taken at 0, 10, 20, ... ms."""
+    box = ph.ControlBox(SYSTEM, period=5e-3)
+    source = ph.SimulatedCamera(box, CAMERA, lambda placement, noise: np.array(START), rate=100.0, latency=0.015)
+    came = []
+    for _ in range(10):
+        came.append([round(frame.taken, 9) for frame in source.frames()])
+        box.advance()
+    assert came == [[], [], [], [0.0], [], [0.01], [], [0.02], [], [0.03]]
+
+
 class Blinking(ph.RenderedView):
     """A rendered view that is covered between two instants of its frames."""
 

@@ -399,6 +399,15 @@ def test_a_stop_before_the_first_reading_is_one(pera):
     assert loop.mode == LoopMode.RUNNING
 
 
+def test_a_reading_is_stale_when_it_is_older_than_said(pera):
+    """At the very age it is not."""
+    loop = make_loop(pera, stale_after=0.25, clock=Clock())
+    loop.step(pera.robot.home, np.zeros(7), age=0.25)
+    assert (loop.counts["stale"], loop.mode.is_active) == (0, True)
+    loop.step(pera.robot.home, np.zeros(7), age=0.2501)
+    assert loop.counts["stale"] == 1
+
+
 def test_a_first_reading_that_is_old_or_beyond_all_limits_starts_nothing(pera):
     loop, q = make_loop(pera), np.array(pera.robot.home)
     for position, velocity, age in (

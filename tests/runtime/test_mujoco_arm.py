@@ -22,6 +22,7 @@ from phcontrol import (
     make_controller,
     simulate,
 )
+from phcontrol.runtime.mujoco_arm import _of_mujoco
 from tests.conftest import ARMS, make_system
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'phcontrol[mujoco]'")
@@ -224,3 +225,12 @@ def test_the_mujoco_example_runs(monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "RUNNING" in printed
     assert "rad from the simulation" in printed
+
+
+def test_a_model_is_a_path_or_mujocos_own_of_which_a_copy_is_taken():
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
+    taken = _of_mujoco(model)
+    taken.opt.timestep = 0.5
+    assert model.opt.timestep != 0.5
+    with pytest.raises(InvalidArgumentError, match="model: must be the path of an MJCF file, .* but is list"):
+        _of_mujoco([model])

@@ -14,7 +14,9 @@ import pytest
 from phcontrol import DataFileError, InvalidArgumentError, PacketFaults, PHControlError, preflight, read_loop_log
 from phcontrol.runtime import preflight as module
 from phcontrol.runtime.restart_policy import RestartPolicy
+from phcontrol.runtime.signal_border import SignalBorder
 from phcontrol.runtime.start_check import StartCheck
+from phcontrol.runtime.timing import TimingRecorder
 
 
 def test_restarts_wait_twice_as_long_each_time_and_give_up():
@@ -89,7 +91,7 @@ def test_a_clock_must_resolve_a_hundredth_of_the_period(step, well, tmp_path, mo
 @pytest.mark.parametrize(("load", "well"), [(1.9, True), (2.1, False)])
 def test_half_of_the_cores_may_be_busy(load, well, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 4)
-    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0), raising=False)
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 4.0 - load, 4.0 - load), raising=False)
     (found,) = (finding for finding in module.examine(1e-3, tmp_path) if finding.name == "load")
     assert found.is_well == well
 
@@ -153,3 +155,28 @@ def test_a_head_of_a_loops_log_that_makes_no_sense_is_refused(tmp_path, length, 
     path.write_bytes(head[:-1])
     with pytest.raises(DataFileError, match="not the log of a control loop"):
         read_loop_log(path)
+
+
+def test_a_signal_at_its_bounds_makes_sense_and_is_taken_over_if_it_is_newer():
+    border = SignalBorder(np.array([-1.0]), np.array([2.0]), lambda value, last, seconds: False)
+    for bound in (-1.0, 2.0):
+        assert border.offer(np.array([bound]), 0.0)
+        assert border.value == bound
+        border.elapse(1e-3)
+    for beyond in (np.nextafter(-1.0, -2.0), np.nextafter(2.0, 3.0)):
+        assert not border.offer(np.array([beyond]), 0.0)
+    assert border.value == 2.0
+    assert border.offer(np.array([0.5]), 1e-3)  # as old as the one that is there
+    assert border.value == 2.0
+    assert border.offer(np.array([0.5]), 0.9e-3)
+    assert border.value == 0.5
+    border.forget()
+    assert (border.value, border.age, border.rejected_in_a_row) == (None, np.inf, 0)
+
+
+def test_before_the_first_step_none_has_taken_any_time():
+    recorder = TimingRecorder(1e-3, 1e-3)
+    assert recorder.last == 0.0
+    recorder.begin(5.0)
+    recorder.end(5.25)
+    assert recorder.last == 0.25

@@ -144,6 +144,9 @@ def test_a_robot_that_is_off_or_not_there_is_said_so(world):
     world.mode = 5
     with pytest.raises(ArmError, match=r"is idle \(its brakes are on\), not running"):
         URArm("robot", world.system).__enter__()
+    world.mode = -1
+    with pytest.raises(ArmError, match="is no controller, not running"):
+        URArm("robot", world.system).__enter__()
     world.answers = False
     with pytest.raises(ArmError, match="no robot answers at 10.0.0.9: Timeout"):
         URArm("10.0.0.9", world.system).__enter__()

@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from phcontrol import InvalidArgumentError
 from phcontrol.safety import _numpy, kernels
-from phcontrol.safety.braking import _load_rate, _samples, _within
+from phcontrol.safety.braking import _load_rate, _samples, _within, braking_acceleration_within
 from tests.conftest import make_system
 
 
@@ -49,6 +50,23 @@ def test_joints_without_a_velocity_limit_are_taken_to_be_at_rest():
     assert not speeds[:, 1].any()
     assert -2.0 <= speeds[:, 0].min() < -1.8
     assert 1.8 < speeds[:, 0].max() <= 2.0
+
+
+def test_motors_that_can_just_hold_an_arm_cannot_brake_it():
+    """Nothing is left where the load is largest; with a little more there is a little."""
+    system = make_system("pera_gripper")
+    velocity = system.robot.velocity_limit
+    loads = []
+    for q, v in _samples(system, velocity):
+        x = system.at(q, v)
+        loads.append(np.abs(x.coriolis_matrix @ x.velocity + x.potential_gradient))
+    most = np.max(loads, axis=0)
+    assert most[0] > 0.0
+    with pytest.raises(InvalidArgumentError, match="cannot hold the arm everywhere"):
+        braking_acceleration_within(system, most, velocity)
+    little = braking_acceleration_within(system, most * (1.0 + 1e-6), velocity)
+    inertia = system.at(system.robot.home).mass_matrix[0, 0]
+    np.testing.assert_allclose(little, 0.8 * 1e-6 * most / inertia, rtol=1e-6)
 
 
 @pytest.mark.parametrize("implementation", [_numpy, kernels], ids=["numpy", "chosen"])

@@ -153,6 +153,15 @@ def test_a_friction_that_declares_nothing_is_sampled(torque):
     assert (most - least <= 2.1 * np.array(declared.friction.coulomb) + 1e-9).all()
 
 
+def test_a_sampled_friction_pushes_only_against_the_motions_there_are(pera):
+    """3 N·m of Coulomb friction: either way where a joint may turn back, one way where it cannot."""
+    system = MechanicalSystem(pera.robot, friction=Undeclared(StribeckFriction(coulomb=3.0, smoothing=1e-9)))
+    model = FrictionPrediction(system, PERIOD, pera.robot.velocity_limit)._model
+    for low, high, expected in ((-0.2, 0.2, [-3.0, 3.0]), (0.1, 0.2, [0.0, 3.0]), (-0.2, -0.1, [-3.0, 0.0])):
+        found = model.dry_torque_range(np.full(7, low), np.full(7, high))
+        np.testing.assert_allclose(found, np.outer(expected, np.ones(7)), rtol=3e-3)
+
+
 def test_viscous_friction_costs_no_room(pera):
     for friction in (None, StribeckFriction(viscous=2.0), Undeclared(StribeckFriction(viscous=2.0))):
         system = MechanicalSystem(pera.robot, friction=friction)

@@ -251,6 +251,7 @@ def test_frankas_limits_are_the_documented_ones_and_the_descriptions_where_narro
     assert (limits.braking_acceleration <= [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]).all()
     assert (limits.velocity == np.minimum(FRANKA_LIMITS["fer"].velocity, system.robot.velocity_limit)).all()
     research = Limits.franka(system, velocity_margin=0.0, position_margin=0.0)
+    np.testing.assert_array_equal(research.torque_rate, 999.999)
     assert (research.braking_acceleration <= 10.0).all()
     rng = np.random.default_rng(0)
     for _ in range(200):  # the first bound that binds may be the narrower one of the Panda's description
@@ -262,6 +263,15 @@ def test_frankas_limits_are_the_documented_ones_and_the_descriptions_where_narro
         Limits.franka(make_system("ur5"))
     with pytest.raises(UnknownNameError, match="model"):
         Limits.franka(system, "fr2")
+
+
+def test_the_ranges_of_frankas_older_arm_are_those_of_its_description():
+    """Franka's own URDF of the Panda, which was written from the same table."""
+    robot, documented = make_system("panda").robot, FRANKA_LIMITS["fer"]
+    np.testing.assert_array_equal(documented.lower, robot.lower)
+    np.testing.assert_array_equal(documented.upper, robot.upper)
+    np.testing.assert_array_equal(documented.velocity, robot.velocity_limit)
+    np.testing.assert_array_equal(documented.effort, robot.effort_limit)
 
 
 FRANKA_JOINT = """

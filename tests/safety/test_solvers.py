@@ -9,7 +9,7 @@ from phcontrol import InvalidArgumentError, TorqueFilter
 from phcontrol.safety.daqp_solver import DaqpSolver
 from phcontrol.safety.problem import Problem
 from phcontrol.safety.proxqp_solver import ProxqpSolver
-from phcontrol.safety.quadratic_program import SOLVERS, QuadraticProgram
+from phcontrol.safety.quadratic_program import SOLVERS, QuadraticProgram, _touching
 from tests.conftest import make_system
 from tests.safety import random_cases
 
@@ -79,6 +79,32 @@ def box_forces(problem, z, forces):
     """Return what the box pushes with so that z rests: only where it touches."""
     H = np.eye(z.size) if problem.hessian is None else problem.hessian
     return np.where(np.abs(z) > 1.0 - 1e-9, -(H @ z + problem.gradient + problem.rows.T @ forces), 0.0)
+
+
+def test_an_answer_is_moved_onto_what_it_touches():
+    """min ½|y − (3, 2)|² with y₁ + y₂ = 2 and y₁ ≤ 1 touched: (1, 1), from a point beside both; forces by hand."""
+    row = np.ones((1, 2)) / np.sqrt(2.0)
+    bound = np.array([np.sqrt(2.0)])
+    problem = Problem(None, np.array([-3.0, -2.0]), row, -bound - 1.0, bound, -np.ones(2), np.array([1.0, 5.0]))
+    z, forces = _touching(problem, np.array([1.001, 1.002]), np.array([1.4, 1.0, 0.0]))
+    np.testing.assert_allclose(z, [1.0, 1.0], atol=1e-14)
+    np.testing.assert_allclose(forces, [np.sqrt(2.0), 1.0, 0.0], atol=1e-13)
+
+
+def test_proxqp_starts_from_its_last_answer():
+    """The same problem again takes it fewer steps; one that it did not solve is not started from."""
+    rng = np.random.default_rng(22)
+    cold = warm = 0
+    for _ in range(20):
+        problem, _ = draw(rng, "random")
+        solver = ProxqpSolver(problem.gradient.size, problem.lower.size)
+        answers = []
+        for attempt in range(2):
+            answers.append(solver.solve(problem))
+            steps = solver._solver.results.info.iter
+            cold, warm = (cold + steps, warm) if attempt == 0 else (cold, warm + steps)
+        np.testing.assert_allclose(answers[0][0], answers[1][0], atol=1e-8)
+    assert warm < 0.5 * cold
 
 
 @pytest.mark.parametrize("name", SOLVERS)

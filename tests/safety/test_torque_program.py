@@ -68,6 +68,16 @@ def test_the_nearest_point_in_another_metric(program):
     assert z[0] ** 2 + (z[1] - 1.0) ** 2 == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("radius", [2.0, 4.0])
+def test_the_weight_of_the_constraint_is_the_force_on_the_disc(program, radius):
+    """Stationary: z − (3, 4) + μz = 0 with |z| = r, so that 5 = (1 + μ)r; a second start from that needs no search."""
+    for _ in range(2):
+        status, z = solve(program, [3.0, 4.0], disc(radius))
+        assert status == FilterStatus.SOLVED
+        np.testing.assert_allclose(z, [0.6 * radius, 0.8 * radius], atol=1e-9)
+        assert program._weight == pytest.approx(5.0 / radius - 1.0, rel=1e-6)
+
+
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_a_disc_out_of_reach_is_relaxed_at_its_nearest_point(program, repeats):
     program.upper[0] = 0.5  # the disc begins at z₁ = 1

@@ -19,6 +19,7 @@ from phcontrol import (
     make_controller,
 )
 from phcontrol import simulate as run
+from phcontrol.simulation.power_balance import PowerBalance
 from tests.log_files import contents, sealed, text
 
 
@@ -42,6 +43,18 @@ def test_power_balances(log, of):
     assert np.abs(balance.supplied).max() > 0.1
     assert np.abs(balance.dissipated).max() > 0.1
     assert balance.relative_residual < 1e-7
+
+
+def test_the_drift_of_the_energy_is_the_largest_integral_of_the_residual():
+    """Of 2 W for 0.3 s, then −2 W: 0.6 J; at uneven times."""
+    time = np.array([0.0, 0.1, 0.3, 0.3 + 1e-9, 0.4, 0.5])
+    rate = np.array([2.0, 2.0, 2.0, -2.0, -2.0, -2.0])
+    balance = PowerBalance(time, rate, np.zeros(6), np.zeros(6), np.zeros(6))
+    assert balance.energy_drift == pytest.approx(0.6, abs=1e-8)
+
+
+def test_a_run_without_external_wrenches_has_none(log):
+    assert log.wrench_forces.shape == (len(log), 0, 3)
 
 
 def test_the_balance_shows_a_forged_torque(log):
@@ -278,6 +291,15 @@ def test_states_that_are_not_finite_are_refused(log, tmp_path, name):
 def test_metadata_of_wrong_types_are_refused(log, tmp_path, key, value):
     arrays = contents(log.save(tmp_path / "log.npz"))
     refused(tmp_path / "forged.npz", sealed(arrays, **{key: value}), f"metadata .*'{key}'|'{key}' of its metadata")
+
+
+@pytest.mark.parametrize("key", ["versions", "seeds", "dt", "integrator", "torque_limit", "control_period"])
+def test_metadata_that_older_files_lack_may_be_missing(log, tmp_path, key):
+    path = tmp_path / "older.npz"
+    np.savez(path, **sealed(contents(log.save(tmp_path / "log.npz")), **{key: ...}))
+    found = Log.load(path)
+    np.testing.assert_array_equal(found.position, log.position)
+    assert key not in found.metadata
 
 
 def test_numbers_that_were_changed_show(log, tmp_path):

@@ -26,6 +26,7 @@ from phcontrol.environments.rigid_body import RigidBody
 from phcontrol.sensors.force_sensor import ForceSensor
 from phcontrol.simulation.integrators import INTEGRATORS
 from phcontrol.simulation.run import torque_limit_of
+from phcontrol.simulation.simulate_many import _disturbances
 from phcontrol.simulation.vector_field import ClosedLoop, Held
 from phcontrol.vision.feature_flow import FeatureFlow
 from tests.conftest import make_system
@@ -212,3 +213,11 @@ def test_a_force_that_is_no_vector_is_refused_where_it_shows(shoulder):
     whole = simulate(shoulder, law, duration=0.01, disturbance=lambda t, x: [1, -2])
     exact = simulate(shoulder, law, duration=0.01, disturbance=[1.0, -2.0])
     np.testing.assert_array_equal(whole.position, exact.position)
+
+
+def test_a_disturbance_of_one_row_is_for_all_runs_and_of_two_dimensions_one_for_each():
+    for one in (None, [0.5, -0.5], np.array([0.5, -0.5]), np.sin):
+        assert _disturbances(one) is None
+    for rows in ([[0.5, -0.5], [1.0, 2.0]], np.array([[0.5, -0.5], [1.0, 2.0]])):
+        np.testing.assert_array_equal(_disturbances(rows), [[0.5, -0.5], [1.0, 2.0]])
+    assert _disturbances([None, np.sin]) == [None, np.sin]

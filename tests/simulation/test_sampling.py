@@ -7,9 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phcontrol import InvalidArgumentError, Limits, MechanicalSystem, TorqueFilter, load_robot
+from phcontrol import (
+    FilterStatus,
+    InvalidArgumentError,
+    Limits,
+    MechanicalSystem,
+    TorqueFilter,
+    load_robot,
+    make_controller,
+    simulate,
+)
 from phcontrol.sensors.measured import NOTHING
-from phcontrol.simulation.instruments import Instruments
+from phcontrol.simulation.instruments import Instruments, due_of
 from phcontrol.simulation.sampled_control import SampledControl, check_filter
 from tests.conftest import make_system
 
@@ -91,7 +100,7 @@ def test_the_filter_is_given_the_last_torque_and_is_clipped_after():
     assert second["port"] == ("port", PERIOD)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999, 1.0, 3.0])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5, 0.999, 1.0, 3.0])
 def test_energy_that_the_filter_had_to_give_is_taken_out_of_the_laws_state(share):
     """Twice period times excess, or all there is: by what the storage is smaller after one period."""
     law, state = Law(), np.array([3.0, 0.5])
@@ -155,6 +164,37 @@ def test_sensors_are_due_at_their_periods_and_see_the_mean_torque_since():
     assert [measured.external_force[0] for measured in shown] == [1.0, 1.0, 2.0, 2.0, 3.0]
     assert [measured.total_force[0] for measured in shown] == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert shown[0].features is None
+
+
+def test_a_sensor_without_a_period_is_due_at_every_step():
+    assert due_of(None, 1e-3) == due_of([], 1e-3) == due_of([Noting("external_force", None)], 1e-3) == 1
+    assert due_of([Noting("external_force", 4e-3)], 1e-3) == 4
+
+
+def test_only_a_sensor_that_reads_joints_is_given_what_these_show():
+    class Looking(Noting):
+        def update(self, state, t, x, external_force, torque):
+            self.notes.append(x)
+            return state
+
+    plain, reading = Looking("external_force", None), Looking("total_force", None)
+    reading.reads_joints = True
+    around = SimpleNamespace(external_force=np.zeros(2))
+    loop = SimpleNamespace(n=2, plant_state=lambda y: "true", surroundings=lambda t, x, y: around)
+    Instruments([plain, reading], 0.1).observe(0, 0.0, loop, np.zeros(4), None, "shown")
+    assert (plain.notes, reading.notes) == (["true"], ["shown"])
+
+
+def test_a_log_holds_what_the_filter_did(shoulder):
+    """As often as the filter itself counts it."""
+    guard = TorqueFilter(shoulder, period=1e-3, limits=Limits(shoulder, velocity=0.05))
+    law = make_controller("energy_shaping", shoulder, shoulder.robot.home + 0.5)
+    log = simulate(shoulder, law, duration=0.02, torque_filter=guard)
+    status = log.filter_activity["status"]
+    assert len(status) == len(log)
+    for each in (FilterStatus.PASSED, FilterStatus.CLIPPED, FilterStatus.SOLVED):
+        assert abs((status == each).sum() - guard.counts[each]) <= 1  # the last sample is no new period
+    assert (status == FilterStatus.SOLVED).any()
 
 
 def test_a_law_on_another_model_is_filtered_by_the_filters(shoulder):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from phcontrol import make_controller, simulate
-from phcontrol.simulation.signals import Signal, Signals
+from phcontrol.simulation.signals import Signal, Signals, _plain
 from tests.conftest import make_system
 
 TIME = np.array([0.0, 0.1, 0.2])
@@ -101,3 +101,9 @@ def test_a_log_gives_what_has_one_number_a_sample_beside_its_joints():
         assert found[name].unit == unit
     np.testing.assert_allclose(found["storage"].values, log.storage)
     assert all(signal.values.ndim == 1 for name, signal in found.items() if not signal.labels)
+
+
+def test_attributes_are_what_files_can_hold():
+    """Text and numbers as they are, all else as JSON."""
+    assert [_plain(value) for value in ("arm", 3, 0.5)] == ["arm", 3, 0.5]
+    assert [_plain(value) for value in (None, [1, 2], {"a": 1.5})] == ["null", "[1, 2]", '{"a": 1.5}']
