@@ -16,7 +16,7 @@ def test_the_line_goes_along_y_and_the_circle_is_upright_and_closed():
     hand = arm.at(start).placement("tool").translation
     way = _path(arm, "tool", start, "line")
     np.testing.assert_allclose(way.at(0.0).position, hand, atol=1e-12)
-    np.testing.assert_allclose(way.at(TRAVEL_TIME).position, hand + [0.0, WAY, 0.0], atol=1e-12)
+    np.testing.assert_allclose(way.at(TRAVEL_TIME).position, hand + np.array([0.0, WAY, 0.0]), atol=1e-12)
     way = _path(arm, "tool", start, "circle")
     points = np.array([way.at(t).position for t in np.linspace(0.0, TRAVEL_TIME, 9)]) - hand
     np.testing.assert_allclose(points[[0, -1]], 0.0, atol=1e-12)
