@@ -12,7 +12,7 @@ from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
 from phcontrol.compilation.c_code import literal
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.linear_algebra import eliminate, factor, solve, solve_square, solve_transposed
-from phcontrol.compilation.symbol import Guards, Symbol, symbols
+from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
 from phcontrol.compilation.tracing import tracing
 
 np_, math_ = STAND_INS[0][1], STAND_INS[1][1]
@@ -75,6 +75,15 @@ def test_a_remainder_has_the_sign_of_its_divisor():
     x, y = world.symbols
     for values in ((1.7, 0.6), (-1.7, 0.6), (1.7, -0.6), (-1.7, -0.6)):
         assert world.at([x % y], values)[0] == pytest.approx(values[0] % values[1], abs=1e-15)
+
+
+def test_larger_and_smaller_of_arrays_are_arrays_of_symbols():
+    world = World(0.3, -0.4)
+    for name in ("maximum", "minimum", "hypot"):
+        with tracing([]):
+            found = getattr(np_, name)(symbols(world.symbols), 0.1)
+        assert isinstance(found, SymbolArray), name
+        np.testing.assert_allclose(world.at(found), getattr(np, name)([0.3, -0.4], 0.1), rtol=1e-15)
 
 
 def test_arrays_of_symbols_go_through_numpy():
