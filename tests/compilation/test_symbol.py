@@ -84,6 +84,12 @@ def test_larger_and_smaller_of_arrays_are_arrays_of_symbols():
             found = getattr(np_, name)(symbols(world.symbols), 0.1)
         assert isinstance(found, SymbolArray), name
         np.testing.assert_allclose(world.at(found), getattr(np, name)([0.3, -0.4], 0.1), rtol=1e-15)
+        with tracing([]):  # one symbol and plain numbers
+            found = getattr(np_, name)(world.symbols[0], np.array([0.1, 0.5]))
+            single = getattr(np_, name)(*world.symbols)
+        assert isinstance(found, SymbolArray), name
+        np.testing.assert_allclose(world.at(found), getattr(np, name)(0.3, [0.1, 0.5]), rtol=1e-15)
+        assert world.at([single])[0] == pytest.approx(getattr(np, name)(0.3, -0.4), rel=1e-15)
 
 
 def test_arrays_of_symbols_go_through_numpy():
