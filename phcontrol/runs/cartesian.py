@@ -167,7 +167,7 @@ def _hand_errors(law: CartesianLaw, log: Log) -> Array:
 
 
 def _path(system: MechanicalSystem, frame: str, start: Array, path: str) -> FramePath:
-    """Return a path from where the hand is, upright and round the world's y, or one from a file."""
+    """Return a path from where the hand is, upright, round the world's x or along its y, or one from a file."""
     placement = system.at(start).placement(frame)
     first = (np.array(placement.translation), np.array(placement.rotation))
     if path == "circle":

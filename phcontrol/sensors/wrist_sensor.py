@@ -108,8 +108,8 @@ class WristSensor:
             positions: k postures at rest [rad], in which nothing touches the tool and the hand points elsewhere each.
             readings: of each, shape (k, 6) [N, N·m].
 
-        Raises InvalidArgumentError where the postures cannot tell mass, centre and offset apart: three differently
-        turned hands can, of which no two are upside down of each other only.
+        Raises InvalidArgumentError where the postures cannot tell mass, centre and offset apart: three hands
+        can, in whose axes gravity has three directions.
         """
         wrenches = _rows("readings", readings, 6)
         if len(positions) != len(wrenches):

@@ -54,8 +54,6 @@ def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> 
     title = f"{sweep['law']['name']} on {sweep['arm']['robot']}"
     failed = int(results.failed.sum())
     good = results.statement(confidence)
-    digits = 2 if good.at_least < 0.999 else 4
-    share = int(100.0 * good.at_least * 10**digits) / 10**digits
     return "\n".join(
         [
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
@@ -64,7 +62,7 @@ def _page(results: SweepResults, spec: str, measure: str, confidence: float) -> 
             f"<h1>{escape(title)}</h1>",
             f'<p class="lead">{escape(results.sentence(confidence))}.</p>',
             '<div class="totals">',
-            f'<div class="total"><b>{share:.{digits}f} %</b>good at least, {100 * confidence:g} % sure</div>',
+            f'<div class="total"><b>{good.percent} %</b>good at least, {100 * confidence:g} % sure</div>',
             f'<div class="total"><b>{good.good} of {good.runs}</b>runs good</div>',
             f'<div class="total"><b>{failed}</b>failed</div>',
             f'<div class="total"><b>{int(results.column("compiled").sum())}</b>compiled</div>',

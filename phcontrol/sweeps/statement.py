@@ -58,15 +58,17 @@ class Statement:
             return 1.0
         return float(beta.ppf(self.confidence, self.good + 1, self.runs - self.good))
 
+    @property
+    def percent(self) -> str:
+        """``at_least`` in percent, rounded down: it must not say more than the sample does."""
+        percent = 100.0 * self.at_least
+        digits = 2 if percent < 99.9 else 4
+        return f"{int(percent * 10**digits) / 10**digits:.{digits}f}"
+
     def text(self, what: str) -> str:
         """Return the statement in words; ``what`` is who is good, and how."""
-        percent = 100.0 * self.at_least
-        # rounded down: it must not say more than the sample does
-        digits = 2 if percent < 99.9 else 4
-        shown = int(percent * 10**digits) / 10**digits
-        return (
-            f"{100.0 * self.confidence:g} % sure that at least {shown:.{digits}f} % {what} ({self.good} of {self.runs})"
-        )
+        sure = f"{100.0 * self.confidence:g} % sure that at least"
+        return f"{sure} {self.percent} % {what} ({self.good} of {self.runs})"
 
     def __str__(self) -> str:
         return self.text("are good")

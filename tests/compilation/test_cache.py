@@ -196,6 +196,13 @@ def test_a_full_disk_gives_one_line(folder, compiler, monkeypatch):
     assert not folder.exists() or list(folder.iterdir()) == []
 
 
+def test_on_macos_the_folder_is_where_its_caches_are(monkeypatch, tmp_path):
+    monkeypatch.delenv("PHCONTROL_CACHE", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr("sys.platform", "darwin")
+    assert cache_folder() == tmp_path / "Library" / "Caches" / "phcontrol" / "compiled"
+
+
 def test_the_folder_is_the_users(monkeypatch):
     monkeypatch.delenv("PHCONTROL_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from phcontrol import load_robot
-from phcontrol.compilation.rigid_body import ArmModel
+from phcontrol.compilation.rigid_body import ArmModel, _turned
 from phcontrol.mechanics import derivatives
 from phcontrol.mechanics.robot import REFERENCES
 
@@ -28,6 +28,11 @@ def robot(request):
 def near(found, expected):
     scale = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(np.array(found, dtype=float), expected, rtol=0.0, atol=2e-14 * scale)
+
+
+def test_a_turn_about_an_oblique_axis():
+    axis = np.array([2.0, -3.0, 6.0]) / 7.0
+    np.testing.assert_allclose(np.array(_turned(tuple(axis), 0.7)), pin.exp3(0.7 * axis), atol=1e-15)
 
 
 def test_forces_and_inertias(robot, rng):

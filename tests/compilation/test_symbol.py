@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from phcontrol.compilation.arithmetic import BUILT_IN, STAND_INS
+from phcontrol.compilation.c_code import literal
 from phcontrol.compilation.errors import NotTraceableError
 from phcontrol.compilation.linear_algebra import eliminate, factor, solve, solve_square, solve_transposed
-from phcontrol.compilation.symbol import Guards, Symbol, symbols
+from phcontrol.compilation.symbol import Guards, Symbol, SymbolArray, symbols
 from phcontrol.compilation.tracing import tracing
 
 np_, math_ = STAND_INS[0][1], STAND_INS[1][1]
@@ -59,6 +60,36 @@ def test_a_formula_has_the_value_that_floats_give(name):
         assert world.at([result], values)[0] == pytest.approx(formula(*values, math), rel=1e-14)
     assert result.sample == pytest.approx(formula(1.7, 0.6, math), rel=1e-14)
     assert world.guards.expressions == []
+
+
+def test_numbers_in_c_are_read_as_the_same():
+    assert (literal(math.inf, False), literal(-math.inf, False), literal(math.nan, False)) == (
+        "INFINITY", "(-INFINITY)", "NAN",
+    )  # fmt: skip
+    for value in (1.0, -2.5e-17, 1e300, 0.1):
+        assert float(literal(value, False).strip("()")) == value
+
+
+def test_a_remainder_has_the_sign_of_its_divisor():
+    world = World(1.7, 0.6)
+    x, y = world.symbols
+    for values in ((1.7, 0.6), (-1.7, 0.6), (1.7, -0.6), (-1.7, -0.6)):
+        assert world.at([x % y], values)[0] == pytest.approx(values[0] % values[1], abs=1e-15)
+
+
+def test_larger_and_smaller_of_arrays_are_arrays_of_symbols():
+    world = World(0.3, -0.4)
+    for name in ("maximum", "minimum", "hypot"):
+        with tracing([]):
+            found = getattr(np_, name)(symbols(world.symbols), 0.1)
+        assert isinstance(found, SymbolArray), name
+        np.testing.assert_allclose(world.at(found), getattr(np, name)([0.3, -0.4], 0.1), rtol=1e-15)
+        with tracing([]):  # one symbol and plain numbers
+            found = getattr(np_, name)(world.symbols[0], np.array([0.1, 0.5]))
+            single = getattr(np_, name)(*world.symbols)
+        assert isinstance(found, SymbolArray), name
+        np.testing.assert_allclose(world.at(found), getattr(np, name)(0.3, [0.1, 0.5]), rtol=1e-15)
+        assert world.at([single])[0] == pytest.approx(getattr(np, name)(0.3, -0.4), rel=1e-15)
 
 
 def test_arrays_of_symbols_go_through_numpy():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 
 import numpy as np
@@ -10,7 +11,8 @@ from typer.testing import CliRunner
 
 from phcontrol import MarkerDetector, MechanicalSystem, Renderer, check_limits, load_robot
 from phcontrol.cli import app
-from phcontrol.controllers.event_schedule import STOP
+from phcontrol.cli.run_pick import pick as command
+from phcontrol.controllers.event_schedule import STOP, HandOver
 from phcontrol.runs.pick import FORCE, START, pick_schedule, run_pick
 from phcontrol.runs.pick_reach import way_in_image
 from phcontrol.runs.pick_scene import FEATURES, MARKER, WatchedView, length_of, pick_camera, random_object
@@ -74,6 +76,48 @@ def test_the_way_is_straight_in_the_image_within_the_limits_and_at_rest_at_its_e
             assert np.abs(seen - first - share * (goal - first)).max() < 1e-4  # [m] beside the line
         report = check_limits(way, SYSTEM)
         assert not [peak for peak in report.violations if peak.quantity == "velocity"]
+
+
+@pytest.fixture
+def phases(monkeypatch):
+    monkeypatch.setattr("phcontrol.runs.pick.EventSchedule", list)
+    return {phase.name: phase for phase in pick_schedule(SYSTEM, CAMERA, MARKER)}
+
+
+def test_the_hand_is_led_to_what_is_seen_and_stays_where_nothing_is(phases):
+    goal, start = np.array([0.0, -0.05, MARKER]) * CAMERA.focal_length / 0.11, np.array(START)
+    above = [thing for thing in POSES if thing.features(SYSTEM.at(START))[1] < 0.0]
+    below = [thing for thing in POSES if thing.features(SYSTEM.at(START))[1] > 0.0]
+    for thing in (above[0], below[0]):
+        way = phases["reach"].law(HandOver(start, start, thing.features(SYSTEM.at(START)))).reference
+        np.testing.assert_allclose(thing.features(SYSTEM.at(way.at(way.duration).position)), goal, atol=1e-9)
+        assert np.abs(way.at(way.duration).position - start).max() > 0.1
+    way = phases["reach"].law(HandOver(start, start, np.zeros(3))).reference
+    np.testing.assert_allclose(way.at(way.duration).position, start, atol=1e-6)
+
+
+@pytest.mark.parametrize(("gripper", "closed_to"), [(0.9, 0.44), (0.3, 0.3)])
+def test_only_the_fingers_close_and_never_open(phases, gripper, closed_to):
+    position = np.array([*START[:-1], gripper])
+    way = phases["close"].law(HandOver(position, np.zeros(8), np.zeros(3))).reference
+    np.testing.assert_allclose(way.at(0.0).position, position, atol=1e-12)
+    np.testing.assert_allclose(way.at(way.duration).position, [*START[:-1], closed_to], atol=1e-12)
+
+
+def test_objects_are_turned_to_both_sides_of_across():
+    seen = SYSTEM.at(START).placement("camera").rotation.T
+    turned = [np.arctan2(*(seen @ thing.rotation)[1, :2]) - 0.5 * np.pi for thing in POSES]
+    assert np.abs(turned).max() < 0.6
+    assert min(turned) < -0.1
+    assert max(turned) > 0.1
+
+
+def test_the_command_has_the_defaults_of_the_function():
+    ours, theirs = (inspect.signature(function).parameters for function in (run_pick, command))
+    shared = ours.keys() & theirs.keys()
+    assert {"objects", "seed", "duration"} <= shared
+    for name in shared - {"camera"}:
+        assert ours[name].default == theirs[name].default, name
 
 
 def test_what_is_not_in_view_is_waited_for_and_then_the_chain_stops():

@@ -88,6 +88,41 @@ def test_postures_tell_the_tool_and_the_offset(panda, rng):
         WristSensor(panda, FRAME).with_tool(postures, readings[:2])
 
 
+def test_two_hands_do_not_tell_and_three_do_upside_down_or_not(panda):
+    """Of two directions c along their difference stays unknown: one singular value alone is 0."""
+    truth = WristSensor(panda, FRAME, TOOL, offset=OFFSET)
+    home = panda.robot.position({"panda_joint2": -1.0, "panda_joint4": -2.0, "panda_joint6": 2.5})
+    postures = [home, home.copy(), home.copy()]
+    postures[1][3] += 0.6
+    postures[2][6] += 0.9
+
+    def found(chosen):
+        return WristSensor(panda, FRAME).with_tool(chosen, [truth.weight(panda.at(q)) + OFFSET for q in chosen])
+
+    np.testing.assert_allclose(found(postures).offset, OFFSET, atol=1e-9)
+    for pair in ((0, 1), (0, 2), (1, 2)):
+        with pytest.raises(InvalidArgumentError, match="turn the hand to more directions"):
+            found([postures[k] for k in pair] * 2)
+    level = panda.robot.position({"panda_joint2": 0.0, "panda_joint4": -0.5 * np.pi})
+    downs = [level + angle * np.eye(7)[5] for angle in (0.0, np.pi, 1.0)]
+    turns = [panda.at(q).placement(FRAME).rotation[2] for q in downs]
+    np.testing.assert_allclose(turns[0], -turns[1], atol=1e-9)
+    np.testing.assert_allclose(found(downs).offset, OFFSET, atol=1e-9)
+
+
+@pytest.mark.parametrize(("turned", "enough"), [(2e-6, False), (1e-3, True)])
+def test_hands_turned_by_rounding_alone_do_not_tell(panda, turned, enough):
+    truth = WristSensor(panda, FRAME, TOOL, offset=OFFSET)
+    home = panda.robot.position({"panda_joint2": -1.0, "panda_joint4": -2.0, "panda_joint6": 2.5})
+    postures = home + turned * np.eye(7)[[0, 3, 6]]
+    readings = [truth.weight(panda.at(q)) + OFFSET for q in postures]
+    if enough:
+        np.testing.assert_allclose(WristSensor(panda, FRAME).with_tool(postures, readings).offset, OFFSET, atol=1e-6)
+        return
+    with pytest.raises(InvalidArgumentError, match="turn the hand to more directions"):
+        WristSensor(panda, FRAME).with_tool(postures, readings)
+
+
 def test_an_arm_with_a_sensor_measures_by_it(panda):
     sensor = WristSensor(panda, FRAME, TOOL, offset=OFFSET)
     box = ControlBox(panda)

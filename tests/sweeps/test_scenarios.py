@@ -39,6 +39,12 @@ def test_numbers_follow_the_distribution(given, expected):
         assert abs((drawn <= edge).mean() - expected.cdf(edge)) < 1e-3
 
 
+def test_the_ends_of_a_distribution_are_finite():
+    """As far out as a draw of 53 bits can be."""
+    ends = Distribution("x", {"distribution": "norm"}).at([0.0, 1.0])
+    np.testing.assert_allclose(ends, [-stats.norm.isf(2.0**-53), stats.norm.isf(2.0**-53)], rtol=1e-2)
+
+
 def test_a_discrete_distribution_that_is_cut_off_keeps_its_ends():
     drawn = Distribution("x", {"distribution": "poisson", "mu": 3.0, "minimum": 1.0, "maximum": 4.0}).at(
         (np.arange(1000) + 0.5) / 1000
@@ -103,6 +109,44 @@ def test_a_scenario_is_the_loop_that_one_would_write(small):
         sensors=[ForceSensor(noise=0.1, bias=0.2, delay=2e-3, seed=sweep.space.noise_seed(0))],
     )  # fmt: skip
     np.testing.assert_array_equal(sweep.replay(0).position, own.position)
+
+
+def test_what_is_not_varied_stays_as_it_is_described(small):
+    small["arm"] |= {"payload": 0.3, "friction": {"viscous": 0.5, "coulomb": 0.2}}
+    small["vary"] = {"viscous_friction": [0.9], "gain.stiffness": [0.25], "disturbance.each": [0.7]}
+    small["sampling"] = {"method": "list"}
+    sweep = Sweep(**small)
+    loop = sweep.loop(0)
+    np.testing.assert_array_equal(loop["system"].friction.viscous, 0.9)
+    np.testing.assert_array_equal(loop["system"].friction.coulomb, 0.2)
+    np.testing.assert_array_equal(loop["controller"].stiffness, 0.25 * np.eye(2))
+    np.testing.assert_array_equal(loop["disturbance"](0.0, loop["system"].at(loop["q0"])), 0.7)
+    small["arm"]["payload"] = {"mass": 0.3}
+    without = small | {"arm": {name: one for name, one in small["arm"].items() if name != "payload"}}
+    mass, same, less = (
+        one.nominal.system.at(one.nominal.start).mass_matrix for one in (sweep, Sweep(**small), Sweep(**without))
+    )
+    np.testing.assert_array_equal(mass, same)
+    assert np.abs(mass - less).max() > 1e-3
+
+
+def test_a_run_that_breaks_all_that_go_with_it_is_a_row_and_the_others_are_done(small, monkeypatch):
+    from phcontrol.sweeps import chunk
+
+    sweep = Sweep(**small)
+    numbers, done = sweep.space.rows(0, 4), chunk.simulate_many
+    expected = rows_of(sweep, 0, numbers, False)
+    broken = sweep.loop(2)["disturbance"].force
+
+    def breaks(**arguments):
+        if any(np.array_equal(one.force, broken) for one in arguments["disturbance"]):
+            raise ValueError("cannot be")
+        return done(**arguments)
+
+    monkeypatch.setattr(chunk, "simulate_many", breaks)
+    rows = rows_of(sweep, 0, numbers, False)
+    assert rows[2] == ({}, "ValueError: cannot be", False)
+    assert [rows[k] for k in (0, 1, 3)] == [expected[k] for k in (0, 1, 3)]
 
 
 def test_what_the_law_sees_and_when_its_torque_acts(small):
