@@ -58,15 +58,46 @@ def test_its_commands_and_its_notebook_run(project, monkeypatch):
     monkeypatch.chdir(project)
     (block,) = re.findall(r"```sh\n(.*?)```", (project / "README.md").read_text(), re.DOTALL)
     commands = [line.split("  #")[0] for line in block.splitlines() if line.startswith("phcontrol ")]
-    assert len(commands) == 2
+    assert [shlex.split(command)[1] for command in commands] == ["certify", "run", "sweep", "sweep-report"]
     for command in commands:
-        arguments = [sys.executable, "-m", "phcontrol.cli", *shlex.split(command)[1:], "--samples", "16"]
+        quick = [] if "sweep" in command else ["--samples", "16"]
+        arguments = [sys.executable, "-m", "phcontrol.cli", *shlex.split(command)[1:], *quick]
         result = subprocess.run(arguments, env=ENVIRONMENT, capture_output=True, text=True, check=False)
         assert result.returncode == 0, result.stdout + result.stderr
-        assert "law:MyLaw" in result.stdout or "my_law" in result.stdout
+        assert "sweep" in command or "law:MyLaw" in result.stdout or "my_law" in result.stdout
+    assert "64 of 64 runs, 0 failed" in result.stdout
+    assert "law:MyLaw" in (project / "results" / "sweep" / "report.html").read_text()
     assert (project / "run.html").stat().st_size > 250_000
     executed = execute(project / "first_run.ipynb", project)
     assert "PASSED" in executed
+
+
+def test_its_sweep_is_of_the_law_and_the_arm_as_they_are_now(project):
+    """The folder's own law is found; once it or the arm's file is another, its results are those of another sweep."""
+    spec = project / "sweep.toml"
+    spec.write_text(spec.read_text().replace("runs = 64", "runs = 3").replace("duration = 2.0", "duration = 0.02"))
+
+    def swept(folder):
+        arguments = [sys.executable, "-m", "phcontrol.cli", "sweep", "sweep.toml", "--out", folder, "--workers", "1"]
+        return subprocess.run(arguments, cwd=project, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+
+    first = swept("here")
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "3 of 3 runs, 0 failed" in first.stdout
+    assert "next, its page: phcontrol sweep-report here --spec sweep.toml" in first.stdout
+    assert swept("here").returncode == 0
+    for file, old, new in (
+        (project / "law.py", "0.5 * error", "0.6 * error"),
+        (project.parent / "arms" / "little arm.urdf", 'mass value="2"', 'mass value="2.1"'),
+    ):
+        text = file.read_text()
+        assert old in text
+        file.write_text(text.replace(old, new))
+        changed = swept("here")
+        file.write_text(text)
+        assert changed.returncode == 2, changed.stdout + changed.stderr
+        assert "here holds another sweep" in changed.stderr
+    assert swept("here").returncode == 0
 
 
 def test_what_it_writes_is_formatted_and_checked_as_the_package_is(project):

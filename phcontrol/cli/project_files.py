@@ -1,4 +1,4 @@
-"""The files of a new project: an arm, a law of one's own, its test, a notebook and a page on them."""
+"""The files of a new project: an arm, a law of one's own, its test, a sweep, a notebook and a page on them."""
 
 from __future__ import annotations
 
@@ -75,6 +75,35 @@ def test_the_arm_comes_to_its_goal_and_its_energy_falls():
     assert np.diff(log.storage).max() < 1e-6  # [J]
 '''
 
+SWEEP = """# Does the law hold the arm if masses, friction and start are not what they should be?
+# phcontrol sweep sweep.toml --out results/sweep; what else can vary: phcontrol's documentation, "How sure?"
+measures = ["final_error", "peak_torque", "peak_velocity", "peak_position"]
+
+[arm]
+robot = {quoted}
+locked_joints = {locked}{armature}
+
+[law]
+name = "law:MyLaw"
+
+[run]
+duration = 2.0  # [s]
+
+[vary]
+mass_factor = {{ uniform = [0.9, 1.1] }}
+friction_factor = {{ uniform = [0.5, 1.5] }}
+initial_offset.each = {{ uniform = [-0.05, 0.05] }}  # [rad]
+
+[sampling]
+method = "random"
+runs = 64
+seed = 0
+
+[require]  # what each run must keep; of torque and velocity: parts of the arm's limits
+peak_torque = 1.0
+peak_velocity = 1.0
+"""
+
 README = """# {title}
 
 A law of your own on {robot}, with a test that certifies it. Made by `phcontrol init`.
@@ -84,16 +113,20 @@ A law of your own on {robot}, with a test that certifies it. Made by `phcontrol 
 | `arm.py` | which arm: `{source}` |
 | `law.py` | `MyLaw`: change its `storage` and `target`; the torque follows from them |
 | `test_law.py` | its certificate, and a run; needs `pip install pytest` |
+| `sweep.toml` | the law on 64 arms with drawn masses, friction and starts; needs `pip install 'phcontrol[sweeps]'` |
 | `first_run.ipynb` | the same step by step, with plots: `pip install notebook && jupyter notebook` |
 
 ```sh
 python -m pytest                                                # is the law what it promises, on this arm?
 phcontrol certify --robot {argument} --controller law:MyLaw{lock}
 phcontrol run position --robot {argument} --controller law:MyLaw{lock} --record run.html
+phcontrol sweep sweep.toml --out results/sweep                  # and if the arm is not quite the one described?
+phcontrol sweep-report results/sweep --spec sweep.toml
 ```
 
 Run these in this folder. What may go into a law, and what a failed line of a certificate means, is in phcontrol's
-documentation: *A law of your own* and *Choosing a controller*.
+documentation: *A law of your own* and *Choosing a controller*. `phcontrol analyze`, `design` and `export` take the same
+`--robot` and `--controller` (`design` for laws of phcontrol only).
 """
 
 _NOTEBOOK = (
@@ -135,12 +168,13 @@ def files_of(
     lock = "".join(f" --lock {joint}" for joint in locked)
     lock += "" if rotors is None else f" --armature {','.join(map(str, rotors))}"
     values = {"title": title, "robot": robot, "source": source, "quoted": json.dumps(source, ensure_ascii=False)}
-    values |= {"rotors": repr(rotors)}
+    values |= {"rotors": repr(rotors), "armature": "" if rotors is None else f"\narmature = {rotors}  # [kg m²]"}
     values |= {"locked": json.dumps(locked, ensure_ascii=False), "argument": argument, "lock": lock}
     return {
         "arm.py": ARM.format(**values),
         "law.py": LAW,
         "test_law.py": TEST,
+        "sweep.toml": SWEEP.format(**values),
         "README.md": README.format(**values),
         "first_run.ipynb": notebook([(kind, text.replace("{title}", title)) for kind, text in _NOTEBOOK]),
     }

@@ -66,7 +66,8 @@ def record_logs(
 
     for name, log in logs.items():
         target = path if len(logs) == 1 else path.with_name(f"{path.stem}-{name}{path.suffix}")
-        say_aside(f"recorded {record(log, target, certificate=certificate)}", err)
+        written = record(log, target, certificate=certificate)
+        say_aside(f"recorded {written}: open it in any browser", err)
 
 
 def show(logs: Mapping[str, Log | Mapping[str, Log]], port: int | None, robot: Robot | None = None) -> None:

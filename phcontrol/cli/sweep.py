@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,7 +31,7 @@ def sweep(
 ) -> None:
     """Run what a file describes many times: arms, loads and delays that are drawn.
 
-    Goes on where it was stopped. Exit code 1 if runs failed.
+    'phcontrol init' writes such a file. Goes on where it was stopped. Exit code 1 if runs failed.
     """
     from phcontrol.sweeps.sweep import Sweep
 
@@ -48,7 +49,7 @@ def sweep(
         _replay(read, replay, Path() if out is None else out)
         return
     if out is None:
-        raise InvalidArgumentError("--out", "must be given: the folder of the results")
+        raise InvalidArgumentError("--out", "must be given: the folder of the results, for instance results/sweep")
     if workers is not None and scheduler is not None:
         raise InvalidArgumentError("--scheduler", "has workers of its own: leave out --workers")
     try:
@@ -63,7 +64,8 @@ def sweep(
         typer.echo("stopped; what is finished is kept, the same command goes on from there", err=True)
         raise typer.Exit(130) from error
     typer.echo(results.summary())
-    typer.echo(f"\nwrote {out}; 'phcontrol sweep-report {out}' makes the page")
+    report = shlex.join(["phcontrol", "sweep-report", str(out), "--spec", str(spec)])
+    typer.echo(f"\nwrote {out}\nnext, its page: {report}")
     if results.failed.any():
         raise typer.Exit(1)
 

@@ -25,4 +25,4 @@ def sweep_report(
     results = SweepResults.read(folder)
     typer.echo(results.summary(confidence))
     written = write_report(results, spec=spec, measure=measure, confidence=confidence)
-    typer.echo("\nwrote " + ", ".join(map(str, written)))
+    typer.echo("\nwrote " + ", ".join(map(str, written)) + ": open the page in any browser")

@@ -61,7 +61,8 @@ def placed_gains(
         known = "energy shaping, force feedback, integral action, total-force rejection, classical and Cartesian laws"
         raise InvalidArgumentError(
             "controller",
-            f"'{problem.name}' is none of the laws whose poles are placed ({known}): tune() looks for gains of any law",
+            f"'{problem.name}' is none of the laws whose poles are placed ({known}): "
+            "take one of these, or look for gains of any law from Python, with phcontrol.tune",
         )
     for name in kind.arguments():
         if problem.options.get(name) is not None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,8 +72,9 @@ class Nominal:
         self._sensor, self._disturbance, self._contact = parts["sensor"], parts["disturbance"], parts["contact"]
         self._joint_sensor = parts["joint_sensor"]
         carried = arm.get("payload")
+        self._named = text("arm.robot", arm.get("robot"))
         self.robot: Robot = load_robot(
-            text("arm.robot", arm.get("robot")),
+            self._named,
             locked_joints=arm.get("locked_joints", ()),
             armature=arm.get("armature"),
             payload=None if carried is None else Payload(**carried) if isinstance(carried, dict) else Payload(carried),
@@ -134,17 +138,29 @@ class Nominal:
 
     def _law_of(self, law: dict[str, Any]) -> Controller:
         name, options = text("law.name", law.get("name")), dict(law.get("options", {}))
-        goal = law.get("goal")
+        entry, goal = find_law(name, str(Path.cwd())), law.get("goal")
         posture = (
             None if goal is None else self.robot.position(goal, "law.goal") if _is_posture(goal, self.robot) else goal
         )
         if choice("law.reference", law.get("reference", "none"), REFERENCES) == "minimum_jerk":
-            if "reference" not in find_law(name).law.parameters:
+            if "reference" not in entry.law.parameters:
                 raise InvalidArgumentError("law.reference", f"is not for {name}, which takes none")
             end = self.robot.near_home() if posture is None else posture
             options["reference"] = MinimumJerk.within_limits(self.robot, self.start, end)
         form = law.get("interconnection", "coriolis")
         return make_controller(name, self.system, posture, interconnection=form, **options)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The SHA-256 of each file of the user's own that the runs depend on: the arm's, and that of a law's module."""
+        module = sys.modules.get(type(self.law).__module__)
+        own = None if type(self.law).__module__.split(".")[0] == "phcontrol" else getattr(module, "__file__", None)
+        found = {"arm": Path(self._named), "law": None if own is None else Path(own)}
+        return {
+            part: sha256(file.read_bytes()).hexdigest()
+            for part, file in found.items()
+            if file is not None and file.is_file()
+        }
 
     def _law_with(self, values: Mapping[str, float]) -> Controller:
         changed: dict[str, Any] = {}

@@ -73,6 +73,8 @@ class Scenarios:
         """All that the numbers of the runs depend on, for JSON."""
         measures = [record_of(name, measure) for name, measure in self.measures.items()]
         found: dict[str, Any] = _plain(self._described | {"measures": measures})
+        files = self.nominal.files
+        found |= {"files": files} if files else {}
         return found | {"chunk": self.chunk, "runs": self.runs}
 
     @cached_property

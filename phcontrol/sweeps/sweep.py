@@ -83,7 +83,10 @@ class Sweep(Scenarios):
             raise DataFileError(f"cannot read {path}: {error}") from error
         for name in ("vary", "measures", "sampling"):
             if name not in given:
-                raise InvalidArgumentError(name, f"must be given in {path}")
+                form = "a list" if name == "measures" else f"a table, [{name}]"
+                raise InvalidArgumentError(
+                    name, f"must be given in {path}, as {form}; 'phcontrol init' writes a file to begin with"
+                )
         for name in given:
             if name not in ("measures", *TABLES):
                 raise UnknownNameError("part", name, ["measures", *TABLES])

@@ -98,7 +98,7 @@ class SweepResults:
         return self.table.column(choice("column", name, self.table.column_names)).to_numpy()
 
     def good(self) -> Any:
-        """Return which runs came to their end and kept all that ``require`` asks, shape (runs,), True or False."""
+        """Return which runs finished and kept all that ``require`` asks, shape (runs,), True or False."""
         good = ~self.failed
         for name, limit in self.manifest["sweep"]["require"].items():
             good &= self.column(name) <= float(limit)
@@ -113,7 +113,7 @@ class SweepResults:
         """Return that in words, or of a grid or list how many were good."""
         sweep = self.manifest["sweep"]
         required = [f"{name} ≤ {float(limit):g}" for name, limit in sweep["require"].items()]
-        kept = "come to their end" + (f" with {', '.join(required)}" if required else "")
+        kept = "finish" + (f" with {', '.join(required)}" if required else "")
         found = self.statement(confidence)
         if sweep["sampling"].get("method", "random") not in INDEPENDENT:
             return f"{found.good} of {found.runs} {kept}; they were chosen, not drawn: that says nothing of others"
