@@ -130,6 +130,15 @@ def test_laws_that_the_documentation_names_exist_as_it_says():
     assert [name for name in named if name not in CONTROLLERS] == []
 
 
+def test_what_once_passed_is_held_by_tests_that_are_there():
+    rows = [row for row in (ROOT / "docs" / "red-team.md").read_text().splitlines() if "::" in row]
+    named = [re.fullmatch(r".*`(tests/[\w/]+\.py)::(test_\w+)` \|", row) for row in rows]
+    assert all(named)
+    assert len(named) > 40
+    missing = [name[0] for name in named if f"def {name[2]}(" not in (ROOT / name[1]).read_text()]
+    assert missing == []
+
+
 def test_the_site_lists_every_law_and_every_line_of_a_certificate():
     from phcontrol.analysis.advice import ADVICE
 

@@ -39,6 +39,11 @@ def test_columns_stand_in_the_joints_order_or_are_named(tmp_path):
     check(read_trajectory(str(written(tmp_path, "\n" + spaced)), ROBOT))
 
 
+def test_a_byte_order_mark_is_no_part_of_the_numbers(tmp_path):
+    for text in (table(ROWS), table(ROWS, f"time,{FIRST},{SECOND}")):
+        check(read_trajectory(written(tmp_path, "\ufeff" + text), ROBOT))
+
+
 def test_smoothing_is_passed_on(tmp_path):
     path = written(tmp_path, table(ROWS))
     times, positions = np.array(ROWS)[:, 0], np.array(ROWS)[:, 1:]
@@ -58,6 +63,8 @@ def test_smoothing_is_passed_on(tmp_path):
         (f"time,{FIRST}\n0,0\n1,0\n", "its columns must be"),
         (f"time,{FIRST},{FIRST}\n0,0,0\n1,0,0\n", "its columns must be"),
         ("0,0,up\n1,0,0\n", "row 1 holds 'up', not a number"),
+        ("0,0,1_0\n1,0,0\n", "row 1 holds '1_0', not a number"),  # Python's 10
+        ("0,0,٣\n1,0,0\n", "row 1 holds '٣', not a number"),  # Python's 3
         ("0,0,0\n1,down,0\n", "row 2 holds 'down', not a number"),
         (f"time,{FIRST},{SECOND}\n0,0,0\n1,0,0\n2,0,there\n", "row 3 holds 'there', not a number"),
     ],
