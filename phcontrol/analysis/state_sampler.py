@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from phcontrol._interrupts import uninterrupted
 from phcontrol._validation import Array, number
 from phcontrol.analysis.empty_scene import EmptyScene
 from phcontrol.analysis.natural_units import NaturalUnits
@@ -100,7 +101,8 @@ class StateSampler:
         from scipy.stats import qmc  # loads a third of SciPy: only when a certificate is made
 
         n, m = self._plant.n, self._units.state.size
-        sequence = qmc.Sobol(_SELECTORS + 5 * n + m, seed=seed)
+        with uninterrupted():
+            sequence = qmc.Sobol(_SELECTORS + 5 * n + m, seed=seed)
         power = math.ceil(math.log2(samples))
         points = sequence.random_base2(power)[:samples]
         for which, stratum in enumerate(_EVEN, start=1):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
+from phcontrol.cli.interrupts import wait_for_imports
+
 if TYPE_CHECKING:
     from phcontrol.cli.application import app
 
@@ -17,6 +19,7 @@ _INTERRUPTED = 130
 def main() -> None:
     """Entry point of the ``phcontrol`` command; Ctrl-C ends it without a traceback, also while it is being imported."""
     try:
+        wait_for_imports()
         from phcontrol.cli.application import run
 
         run()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from phcontrol._interrupts import uninterrupted
 from phcontrol._validation import Array, choice, count
 from phcontrol.exceptions import InvalidArgumentError
 from phcontrol.sweeps.distribution import Distribution
@@ -88,9 +89,9 @@ class Space:
             )
         if self.method == "latin_hypercube":
             return self._hypercube[first:last]
-        sobol = qmc.Sobol(
-            size, scramble=True, bits=min(64, max(30, math.ceil(math.log2(self.runs)) + 1)), seed=self._generator
-        )
+        bits = min(64, max(30, math.ceil(math.log2(self.runs)) + 1))
+        with uninterrupted():
+            sobol = qmc.Sobol(size, scramble=True, bits=bits, seed=self._generator)
         if first:
             sobol.fast_forward(first)
         with warnings.catch_warnings():  # that the first few should be a power of two
