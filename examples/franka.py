@@ -89,6 +89,7 @@ def main() -> None:
     system = MechanicalSystem(robot, friction=None)
     limits = Limits.franka(system, velocity_margin=options.velocity_margin)
     steps: list[tuple[np.ndarray, np.ndarray]] = []
+    print(f"connecting to {options.address}", flush=True)
     try:
         with FrankaArm(options.address, system, realtime=options.realtime, recover=True) as arm:
             law, way = make_law(options.law, system, arm.position)
@@ -100,6 +101,7 @@ def main() -> None:
                 stale_after=0.02,
             )
             driver = driver_for(law, arm, system)
+            print(f"{options.law} moves the arm for {options.seconds:g} s, and stops", flush=True)
             drive(loop, driver, options.seconds, each_step=lambda t, now, torque: steps.append((now.position, torque)))
             mode = loop.mode.name
             loop.stop("the end")
