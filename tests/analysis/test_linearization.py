@@ -224,7 +224,7 @@ FREE = [
     if e.law.run == "position" and n not in ("force_control", "adaptive_payload") and "tracking" not in n
 ]
 """Laws that rest in free motion and whose default gains are of the joints. Those of the Cartesian laws are a wish of
-the hand's: friction around rest makes its way slow (58 s on the Talos arm); in its null space is no spring."""
+the hand's: friction around rest makes its way slow (50 s on the Talos arm); in its null space is no spring."""
 
 
 @pytest.mark.parametrize("name", list(CATALOGUE))
