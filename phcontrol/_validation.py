@@ -51,6 +51,17 @@ def finite_array(name: str, value: ArrayLike) -> Array:
     return array
 
 
+def has_finite_square(array: Array) -> bool:
+    """Whether aᵀa of a vector or a number is finite: then it is finite itself, which is found out fast.
+
+    NaN and infinity make the product so, as numbers beyond 1e154 do.
+    """
+    try:
+        return math.isfinite(array.dot(array))
+    except Exception:  # what NumPy was told to do where the product over- or underflows
+        return False
+
+
 def real_array(value: Any, shape: tuple[int, ...], *, finite: bool = True) -> Array | None:
     """Return a read-only float64 copy of real numbers of a shape, or None for anything else; never raises.
 
@@ -62,8 +73,7 @@ def real_array(value: Any, shape: tuple[int, ...], *, finite: bool = True) -> Ar
         if raw.dtype.kind not in "fiu" or raw.shape != shape:
             return None
         array: Array = np.array(raw, dtype=np.float64)
-        # NaN or infinity in it makes the product so, as numbers beyond 1e154 do
-        if not math.isfinite(array.dot(array)) and (~np.isfinite(array) if finite else np.isinf(array)).any():
+        if not has_finite_square(array) and (~np.isfinite(array) if finite else np.isinf(array)).any():
             return None
     except Exception:  # whatever a foreign object raises when it is asked for its numbers
         return None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from phcontrol._validation import Array, described
+from phcontrol._validation import Array, described, has_finite_square
 from phcontrol.controllers.command import Command
 from phcontrol.controllers.controller import Controller
 from phcontrol.exceptions import AnswerError
@@ -39,7 +39,7 @@ def commanded(law: Controller, t: float, x: MechanicalState, state: Array, measu
         ("state_rate", command.state_rate, law.state_size),
     ):
         check_vector(law, "evaluate", value, size, f" as {name}")
-        if not math.isfinite(value.dot(value)) and not np.isfinite(value).all():
+        if not has_finite_square(value) and not np.isfinite(value).all():
             problem = f"returned a {name} that is not finite, {np.array2string(value, precision=3)}, {_where(t, x)}"
             raise AnswerError(type(law), "evaluate", problem)
     return command

@@ -433,7 +433,8 @@ class ControlLoop:
         """Return the torque of a stop where model and filter fail [N·m]; None before the first reading."""
         if self.mode == LoopMode.WAITING:
             return None
-        return self._ramped(self._holding(self._reading.age > self.stale_after))
+        with np.errstate(all="ignore"):  # whatever a law has set: nothing may be raised here
+            return self._ramped(self._holding(self._reading.age > self.stale_after))
 
     def _leave(self, torque: Array | None) -> Array:
         """Return what is sent: a copy of a torque that passed the last check; zeros for None."""

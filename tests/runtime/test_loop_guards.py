@@ -342,6 +342,38 @@ def test_a_wrong_initial_state_is_a_fault(shoulder, state):
     check_fault(loop, shoulder, Exception)
 
 
+def test_numpy_that_is_told_to_raise_does_not_make_step_raise(shoulder):
+    """A caller's, or a law's, ``np.seterr``, and a velocity so small that its damping underflows."""
+    loop, law = running(shoulder)
+    right = law.evaluate
+
+    def sets_and_raises(t, x, state, measured):
+        np.seterr(all="raise")
+        right(t, x, state, measured)
+        raise ValueError("no torque")
+
+    law.evaluate = sets_and_raises
+    velocity, before = np.full(2, 1e-312), loop._gate.previous
+    with np.errstate():
+        for _ in range(100):
+            torque = loop.step(shoulder.robot.home, velocity)
+            check(shoulder, torque, before)
+            before = torque
+    assert loop.mode == LoopMode.STOPPED
+    np.testing.assert_allclose(torque, shoulder.at(shoulder.robot.home).gravity, atol=1e-9)
+
+
+@pytest.mark.parametrize("told", ["raise", "ignore"])
+def test_readings_and_torques_whose_squares_underflow_are_numbers(shoulder, told):
+    """The caller's ``np.seterr`` makes no reading implausible, and no torque of a law at rest."""
+    loop = ControlLoop(shoulder, IdleLaw(shoulder), PERIOD, start_time=0.0, clock=Clock())
+    with np.errstate(all=told):
+        for _ in range(10):
+            torque = loop.step(shoulder.robot.home, np.full(2, 1e-200))
+    assert (loop.mode, loop.fault, loop.counts["implausible"]) == (LoopMode.RUNNING, None, 0)
+    check(shoulder, torque)
+
+
 @pytest.mark.parametrize("error", ERRORS[:4], ids=lambda error: type(error).__name__)
 @pytest.mark.parametrize("place", ["filter", "port", "model", "both"])
 def test_any_exception_of_filter_port_or_model_ends_in_the_stop_ramp(error, place):
