@@ -11,6 +11,7 @@ from typing import Any
 
 import typer
 from latex2mathml.converter import convert
+from mkdocs.plugins import event_priority
 
 import phcontrol
 from phcontrol._groups import GROUPS, names_of
@@ -24,6 +25,7 @@ HERE = Path(__file__).parent
 FORMULA = re.compile(r'<(?P<tag>div|span) class="arithmatex">\\[\[(](?P<formula>.*?)\\[\])]</(?P=tag)>', re.DOTALL)
 ROLE = re.compile(r":(?:class|func|meth):<code>(?P<name>[\w.]+)</code>")
 CARTESIAN = ("cartesian_impedance", "cartesian_tracking")
+BUNDLE = re.compile(r'<script src="(?P<root>[^"]*)assets/javascripts/bundle')
 NAMES = re.compile(r"\{\{ names of (?P<folder>\w+) \}\}")
 
 
@@ -47,6 +49,19 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def on_page_content(content: str, **_: Any) -> str:
     """Replace formulas that the arithmatex extension marked (browsers draw MathML, no script is needed), and roles."""
     return ROLE.sub(_link, FORMULA.sub(_mathml, content))
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Return a page that can be searched from a folder, too."""
+    return BUNDLE.sub(r'<script src="\g<root>folder-search.js"></script>\g<0>', output)
+
+
+@event_priority(-100)  # when the index is there
+def on_post_build(config: Any, **_: Any) -> None:
+    """Write the index as a script: a page that was opened from a folder may read no other file."""
+    index = Path(config.site_dir) / "search" / "search_index.json"
+    if index.is_file():
+        index.with_suffix(".js").write_text(f"var __index = {index.read_text(encoding='utf-8')}\n", encoding="utf-8")
 
 
 def laws_table() -> str:

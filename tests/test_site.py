@@ -68,6 +68,17 @@ def test_pages_in_a_browser(browser, site):
 
 
 @pytest.mark.browser
+def test_the_site_is_searched_from_a_folder(browser, site):
+    with browser.open((site / "api" / "safety.html").as_uri(), ready=None) as page:
+        page.locator("input.md-search__input").press_sequentially("energy tank")
+        page.locator(".md-search-result__link").first.wait_for()
+        assert "matching documents" in page.locator(".md-search-result__meta").inner_text()
+        page.locator(".md-search-result__link").first.click()
+        page.wait_for_url("**/api/tanks.html*")
+        assert page.problems == []
+
+
+@pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing_wrong_on_the_site(browser, axe, site, scheme):
     found = []
