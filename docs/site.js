@@ -6,6 +6,7 @@ function nameParts() {
     nameParts.codes = (nameParts.codes || 0) + 1;
     tools.setAttribute("aria-label", "tools of code block " + nameParts.codes);
   });
+  document.querySelectorAll(".md-search:not([aria-label])").forEach((search) => search.setAttribute("aria-label", "search"));
   document.querySelectorAll(".md-typeset__scrollwrap:not([tabindex])").forEach((table) => {
     nameParts.tables = (nameParts.tables || 0) + 1;
     table.tabIndex = 0;
