@@ -72,7 +72,11 @@ class AnswerError(InvalidArgumentError):
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """Return the name that somebody may have meant, one written alike or one that holds this one; None for none."""
-    by_lower = {each.lower(): each for each in sorted(known, reverse=True)}
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    if close:
+        return close[0]
+    by_lower = {each.lower(): each for each in names}
     wanted = name.lower()
     close = difflib.get_close_matches(wanted, by_lower, n=1)
     holding = sorted((each for each in by_lower if wanted and wanted in each), key=lambda each: (len(each), each))
